@@ -23,6 +23,7 @@ PARTS = {  # of the site, in the order in which they are read
         "own_leg",
         "actuators",
         "drives",
+        "rates",
         "environment",
         "objectives",
         "periodic",

@@ -90,10 +90,10 @@ class Step:
 
 
 def test_the_plant_has_the_closed_form_of_a_lag() -> None:
-    """After a step the torque is 20 (1 - exp(-t / LAG)) N m."""
+    """After a step from what holds the leg the torque is 20 + (held - 20) exp(-t / LAG) N m."""
     design = load("paper")
     run = make_plant(design).run(start_angles(design), Step(), 0.05, timing=Timing(1e-3))
-    expected = 20 * (1 - np.exp(-run.t / LAG))
+    expected = 20 + (run.tau[0, 1] - 20) * np.exp(-run.t / LAG)
     assert run.tau[:, 1] == pytest.approx(expected, abs=1e-3)
     assert run.energy_error < 1e-6
 

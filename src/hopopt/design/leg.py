@@ -95,6 +95,9 @@ class Motor(Section):
     winding_time_constant: float | None = quantity("thermal, of the winding", "s", 0.1, 1e4, None, physical=True)
     housing_time_constant: float | None = quantity("thermal, of the housing", "s", 0.1, 1e6, None, physical=True)
     winding_limit: float | None = quantity("highest temperature of the winding", "degC", -50, 400, None, physical=True)
+    torque_rate: float | None = quantity(
+        "how fast its torque changes at most, up or down", "N m/s", 1e-3, 1e7, None, physical=True
+    )
     power_cap: float | None = quantity("greatest mechanical power, |torque speed|", "W", 1e-3, 1e6, None, physical=True)
     catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
 

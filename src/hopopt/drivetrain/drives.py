@@ -113,14 +113,22 @@ class Drive:
     def _spun(self, a: np.ndarray | None) -> tuple[Any, Any]:
         return (0.0 if a is None else a), self.rotor
 
-    def rates(self, w: np.ndarray, command: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Derivatives of the drives' states x under a command, (m)."""
-        return np.array(self.states.rates(x, self._driven(w, command), w) if self.states else ())
+    def rates(self, w: np.ndarray, command: np.ndarray, x: np.ndarray, lag: float) -> np.ndarray:
+        """Derivatives of the drives' states x under a command, (m); a torque of limited rate is late by ``lag`` [s]."""
+        if self.states is None:
+            return np.zeros(0)
+        given = self._driven(w, command)
+        at_once = self.clamp(w, command) if self.states.limited else given
+        found = self.states.followed(x, at_once, lag)
+        return np.array(
+            self.states.rates(x, [found[k] if k in self.states.limited else given[k] for k in range(len(w))], w)
+        )
 
     def _limited(self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None) -> np.ndarray:
-        motor = self._driven(w, command)
-        if self.states is not None:
-            motor[self.states.at] = self.states.torques(x, motor, w)
+        if self.states is None:
+            return self._driven(w, command)
+        motor = self._driven(w, np.array(self.states.asked(x, command), dtype=float))
+        motor[self.states.at] = self.states.torques(x, motor, w)
         return motor
 
     def _driven(self, w: np.ndarray, command: np.ndarray) -> np.ndarray:

@@ -9,7 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hopopt.design import Leg
+from hopopt.design import Leg, physical_parameters
+from hopopt.drivetrain.motor import stall_torque
+from hopopt.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -18,8 +20,10 @@ class JointDynamics:
 
     names, units, scales: of the states, m each; scales in these units
     rates: (x, u, w) -> their derivatives, a sequence of m; of numbers or CasADi symbols alike
-    torque: (x, u, w) -> torque at the joint [N m], of numbers or symbols
+    torque: (x, asked, w) -> torque at the joint [N m] of what the motor is asked for [N m], of numbers or symbols
     at_rest: (tau) -> states, m numbers, that hold a torque tau [N m] while nothing moves
+    rate: None where u is the command, which is what the motor is asked for. Else the one state is what it is asked for, u its
+        derivative, and this its bound [N m/s], number or symbol
     """
 
     names: tuple[str, ...]
@@ -27,11 +31,30 @@ class JointDynamics:
     scales: tuple[float, ...]
     rates: Callable[[Any, Any, Any], Sequence[Any]]
     torque: Callable[[Any, Any, Any], Any]
-    at_rest: Callable[[float], Sequence[float]]
+    at_rest: Callable[[Any], Sequence[Any]]
+    rate: Any = None
 
 
 Dynamics = Callable[[Leg, str, Mapping[str, Any]], JointDynamics | None]  # of a leg, a joint, parameters by their paths
-DYNAMICS: list[Dynamics] = []
+TORQUE_RATE = "torque_rate"  # entry of a motor
+
+
+def limited_rate(leg: Leg, joint: str, p: Mapping[str, Any]) -> JointDynamics | None:
+    """The torque of a joint's motor, behind its gear, where the problem limits how fast it changes: a state, whose rate a plan
+    controls."""
+    path, given = leg.drive(joint, "motor", TORQUE_RATE)
+    if given is None:
+        return None
+    return JointDynamics(
+        ("torque",), ("N m",), (float(stall_torque(leg, joint, physical_parameters(leg))),),
+        rates=lambda x, rate, w: [rate],
+        torque=lambda x, asked, w: asked,
+        at_rest=lambda tau: [tau],
+        rate=p[path] * p[leg.drive(joint, "gear", "ratio")[0]],
+    )  # fmt: skip
+
+
+DYNAMICS: list[Dynamics] = [limited_rate]
 
 
 @dataclass(frozen=True)
@@ -59,13 +82,34 @@ class AddedStates:
         """A name for each state."""
         return tuple(f"{joint} {name}" for joint, d in self.of.items() for name in d.names)
 
-    def rates(self, x: Any, command: Any, w: Any) -> list[Any]:
-        """Derivatives of all states x (size) under commands and at speeds (n) of all joints."""
-        return [rate for d, own, k in self._parts(x) for rate in d.rates(own, command[k], w[k])]
+    @property
+    def limited(self) -> dict[int, Any]:
+        """Largest rates [N m/s] of torques that are states, by the joint's place among all."""
+        return {k: d.rate for d, k in zip(self.of.values(), self.at, strict=True) if d.rate is not None}
 
-    def torques(self, x: Any, command: Any, w: Any) -> list[Any]:
-        """Torque [N m] of each joint that has dynamics, arguments as those of ``rates``."""
-        return [d.torque(own, command[k], w[k]) for d, own, k in self._parts(x)]
+    def rates(self, x: Any, u: Any, w: Any) -> list[Any]:
+        """Derivatives of all states x (size) under what is controlled, u (n), at speeds w (n) of all joints."""
+        return [rate for d, own, k in self._parts(x) for rate in d.rates(own, u[k], w[k])]
+
+    def asked(self, x: Any, u: Any) -> list[Any]:
+        """What the motors (n) are asked for [N m]: u, or the state where the torque is one."""
+        found = [u[k] for k in range(len(self.joints))]
+        for d, own, k in self._parts(x):
+            found[k] = found[k] if d.rate is None else own[0]
+        return found
+
+    def torques(self, x: Any, asked: Any, w: Any) -> list[Any]:
+        """Torque [N m] of each joint that has dynamics, of what the motors (n) are asked for [N m]."""
+        return [d.torque(own, asked[k], w[k]) for d, own, k in self._parts(x)]
+
+    def followed(self, x: Any, command: Any, lag: float) -> list[Any]:
+        """What is controlled (n) where motors are commanded torques (n) [N m], in numbers: these, or the rate [N m/s] at which
+        a torque that is a state approaches its command within ``lag`` [s]."""
+        found = [command[k] for k in range(len(self.joints))]
+        for d, own, k in self._parts(x):
+            if d.rate is not None:
+                found[k] = min(max((command[k] - own[0]) / lag, -d.rate), d.rate)
+        return found
 
     def at_rest(self, tau: Any) -> list[float]:
         """All states that hold torques tau (n) [N m] while nothing moves."""
@@ -81,6 +125,13 @@ class AddedStates:
 
 
 def added_states(leg: Leg, p: Mapping[str, Any]) -> AddedStates:
-    """What the drives of a leg add, by the first entry of ``DYNAMICS`` that concerns each joint; p: numbers or symbols by their paths."""
-    found = {joint: next((d for of in DYNAMICS if (d := of(leg, joint, p))), None) for joint in leg.joints}
-    return AddedStates({joint: d for joint, d in found.items() if d}, leg.joints)
+    """What the drives of a leg add, by the entry of ``DYNAMICS`` that concerns each joint; p: numbers or symbols by their paths.
+
+    UsageError where two concern one joint.
+    """
+    found = {joint: [d for of in DYNAMICS if (d := of(leg, joint, p))] for joint in leg.joints}
+    if twice := [joint for joint, dynamics in found.items() if len(dynamics) > 1]:
+        raise UsageError(
+            f"the drive of the {twice[0]} has two dynamics: leave out its motor's torque_rate or the other"
+        )
+    return AddedStates({joint: of[0] for joint, of in found.items() if of}, leg.joints)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from hopopt.design import Leg
+from hopopt.drivetrain.dynamics import TORQUE_RATE
 from hopopt.drivetrain.heat import LIMIT
 from hopopt.drivetrain.motor import entries_behind
 from hopopt.drivetrain.operating_region.limits import CAPS
@@ -15,6 +16,7 @@ class Kind(Enum):
     REGION = "operating region"
     SUPPLY = "of the supply"
     MOTOR_POWER = "motor power cap"
+    TORQUE_RATE = "torque rate"
     TEMPERATURE = "winding temperature"
     ANGLE = "angle"
     HEIGHT = "height above ground"
@@ -76,6 +78,11 @@ class LimitId:
 def motor_power(leg: Leg, joint: str) -> LimitId:
     """The cap on the mechanical power of a joint's motor."""
     return LimitId(Kind.MOTOR_POWER, joint, leg.drive(joint, "motor", "power_cap")[0])
+
+
+def torque_rate(leg: Leg, joint: str) -> LimitId:
+    """How fast the torque of a joint's motor changes."""
+    return LimitId(Kind.TORQUE_RATE, joint, leg.drive(joint, "motor", TORQUE_RATE)[0], "N m/s")
 
 
 def winding_temperature(leg: Leg, joint: str) -> LimitId:

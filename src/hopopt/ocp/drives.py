@@ -12,12 +12,14 @@ from hopopt.drivetrain.gear import Gear, motor_torque
 from hopopt.drivetrain.gear import lossy as lossy_gear
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, sag, share_at
+from hopopt.errors import UsageError
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE
-from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
+from hopopt.ocp.guesses.guess import Guess
+from hopopt.ocp.guesses.motion import STANCE, MotionAt, MovingLeg
 from hopopt.ocp.problem import BoundaryConstraint, Control, Ends, Instant, Phase, State, linkage
 
-DRIVE, COMMAND = "drive", "command"  # the state and the control that are added
+DRIVE, COMMAND = "drive", "command"  # the state and the control that are added: a torque, or the rate of one
 
 
 def motor_torques(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
@@ -28,8 +30,9 @@ def motor_torques(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX
     def torques(s: Instant) -> ca.SX:
         m, p = motion(s), s.p
         tau = ca.vertsplit(m.tau)
-        for place, k in enumerate(leg.drive_states.at):
-            tau[k] = getattr(s, COMMAND)[place]
+        if leg.drive_states.size:
+            asked = leg.asked_torques(s)
+            tau = [asked[k] if k in leg.drive_states.at else tau[k] for k in range(leg.n)]
         for k in lossy:
             gear, rotor = Gear.of(leg.leg, leg.leg.joints[k], p), leg.dynamics(s).bodies[BASE + k].armature
             tau[k] = motor_torque(gear, m.tau[k], m.v[BASE + k], m.a[BASE + k], rotor)
@@ -68,17 +71,33 @@ def with_drives(leg: MovingLeg, phase: Phase) -> Phase:
     if not states.size:
         return phase
     regions = [operating_region(leg.leg, joint, leg.robot.parameters) for joint in states.of]
-    stall = [float(region.torque_bounds(0.0)[1]) for region in regions]
+    sizes = [float(region.torque_bounds(0.0)[1]) for region in regions]
+    sizes = [size if d.rate is None else float(d.rate) for size, d in zip(sizes, states.of.values(), strict=True)]
     scales = [scale for d in states.of.values() for scale in d.scales]
     units = " or ".join(dict.fromkeys(unit for d in states.of.values() for unit in d.units))
     own = State(DRIVE, states.size, scale=scales, unit=units, labels=states.labels())
-    command = Control(COMMAND, len(states.of), scale=stall, unit="N m", labels=tuple(states.of))
+    of_controls = " or ".join(dict.fromkeys("N m" if d.rate is None else "N m/s" for d in states.of.values()))
+    command = Control(COMMAND, len(states.of), scale=sizes, unit=of_controls, labels=tuple(states.of))
 
     def rates(s: Instant) -> Mapping[str, ca.SX]:
         found = added_states(leg.leg, s.p).rates(getattr(s, DRIVE), leg.commands(s), s.v)
         return {**phase.dynamics(s), DRIVE: ca.vertcat(*found)}
 
     return replace(phase, states=(*phase.states, own), controls=(*phase.controls, command), dynamics=rates)
+
+
+def holding_at_the_start(leg: MovingLeg) -> tuple[BoundaryConstraint, ...]:
+    """A hop from rest begins with the drives as they hold the leg there."""
+    if not leg.drive_states.size:
+        return ()
+    scales = [scale for d in leg.drive_states.of.values() for scale in d.scales]
+
+    def miss(e: Ends) -> ca.SX:
+        s = e.initial[STANCE]
+        held = leg.dynamics(s).stance(s.q, s.v, ca.SX.zeros(leg.n)).tau
+        return getattr(s, DRIVE) - ca.vertcat(*added_states(leg.leg, s.p).at_rest(ca.vertsplit(held)))
+
+    return (linkage("drives at the start", miss, scales, labels=leg.drive_states.labels()),)
 
 
 def carried_on(leg: MovingLeg, *phases: str) -> tuple[BoundaryConstraint, ...]:
@@ -103,3 +122,25 @@ def torques_of(leg: MovingLeg, x: np.ndarray, a: np.ndarray, on_ground: bool) ->
     motion = dynamics.stance(q, v, rate) if on_ground else dynamics.flight(still, still, q, v, rate)
     torque = ca.Function("torque", [ca.vertcat(q, v), rate], [motion.tau])
     return np.array(torque.map(len(x))(x.T, a.T)).T
+
+
+def refuse_drive_states(leg: MovingLeg, what: str) -> None:
+    """UsageError where drives have states of their own, for a program that does not hand them on from phase to phase."""
+    if leg.drive_states.size:
+        raise UsageError(f"{what} does not know drives with states of their own: leave out motor.torque_rate")
+
+
+def with_drive_states(leg: MovingLeg, guess: Guess, on_ground: bool) -> Guess:
+    """The guess with the states of the drives and their commands, as if the motion were slow; one that has them as it is."""
+    states, of_leg = leg.drive_states, 2 * leg.n + (0 if on_ground else 2 * len(leg.falling))
+    if not states.size or guess.x.shape[1] > of_leg:
+        return guess
+    tau = torques_of(leg, guess.x[:, -2 * leg.n :], guess.u, on_ground)
+    held, controls = np.array([states.at_rest(row) for row in tau]), tau.copy()
+    for k, most in states.limited.items():
+        controls[:, k] = np.clip(np.gradient(tau[:, k], guess.fraction * guess.duration), -most, most)
+    return replace(
+        guess,
+        x=np.hstack([guess.x, held]),
+        u=np.hstack([np.delete(guess.u, states.at, axis=1), controls[:, states.at]]),
+    )

@@ -12,11 +12,12 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_limits
 from hopopt.extensions import Registry, arguments
-from hopopt.leg.limit_id import Kind, LimitId, motor_power
+from hopopt.leg.limit_id import Kind, LimitId, motor_power, torque_rate
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import descent_range
 from hopopt.ocp.drives import asked, bus_power, bus_voltage
@@ -61,6 +62,20 @@ def mechanical_power(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
 
     capped = (leg.leg.drive(joint, "motor", "power_cap")[1] is not None for joint in leg.leg.joints)
     return tuple(limit(k, joint) for k, (joint, has) in enumerate(zip(leg.leg.joints, capped, strict=True)) if has)
+
+
+def torque_rates(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
+    """No motor's torque changes faster than its limit: -1 <= rate / torque_rate <= 1, the rate being a control."""
+
+    def limit(joint: str) -> PathConstraint:
+        k = leg.leg.joints.index(joint)
+
+        def share(s: Instant) -> ca.SX:
+            return leg.commands(s)[k] / added_states(leg.leg, s.p).of[joint].rate
+
+        return PathConstraint(torque_rate(leg.leg, joint), share, -1.0, 1.0, scale=2.0)
+
+    return tuple(limit(leg.leg.joints[k]) for k in leg.drive_states.limited)
 
 
 def supply(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
@@ -116,7 +131,10 @@ def heights(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
         return ca.vertcat(*[points[name][1] for name in names])
 
     lower = [0.0 if name == "foot" else hop.least_height for name in names]
-    return (PathConstraint(LEAST_HEIGHT, value, lower, scale=leg.reach, unit="m", labels=names),)
+    rises = (
+        not leg.drive_states.limited
+    )  # a foot that comes off with the cube of time has no quadratic hull above the ground
+    return (PathConstraint(LEAST_HEIGHT, value, lower, scale=leg.reach, unit="m", labels=names, smooth=rises),)
 
 
 def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
@@ -127,7 +145,7 @@ def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     return (PathConstraint(NO_DESCENT, lambda s: motion(s).v[1], 0.0, INF, descent_range(leg.leg), unit="m/s"),)
 
 
-BUILT_IN: tuple[Rule, ...] = (drives, mechanical_power, supply, ground, heights, counter_movement)
+BUILT_IN: tuple[Rule, ...] = (drives, mechanical_power, torque_rates, supply, ground, heights, counter_movement)
 RULES: Registry[Any] = Registry(
     "constraint", {}
 )  # of the user's own: such rules, or functions of an instant (custom.py)

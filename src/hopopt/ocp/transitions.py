@@ -36,7 +36,23 @@ def lift_off(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstrain
 
     labels = tuple(f"{what} {'xz'[k]}" for what in ("com", "com_v") for k in leg.falling)
     labels += tuple(f"{what} {name}" for what in "qv" for name in leg.leg.joints)
-    return (linkage("lift-off", miss, flight_scales(leg), labels=labels),)
+    return linkage("lift-off", miss, flight_scales(leg), labels=labels), *_foot_comes_off(leg, after)
+
+
+def _foot_comes_off(leg: MovingLeg, phase: str) -> tuple[BoundaryConstraint, ...]:
+    """The foot does not begin flight downwards, where no torque can jump: the heights of a phase follow from it, but late."""
+    if len(leg.drive_states.limited) < leg.n:
+        return ()
+
+    def acceleration(e: Ends) -> ca.SX:
+        s, height = e.initial[phase], leg.flight_points(e.initial[phase])["foot"][1]
+        speed = ca.jtimes(height, s.com, s.com_v) + ca.jtimes(height, s.q, s.v)
+        places = ca.vertcat(s.com, s.q, s.com_v, s.v)
+        return ca.jtimes(
+            speed, places, ca.vertcat(s.com_v, s.v, leg.dynamics(s).fall[leg.falling], leg.flight_acceleration(s))
+        )
+
+    return (BoundaryConstraint("foot comes off", acceleration, 0.0, INF, 10.0 * leg.scale.gravity, "m/s^2"),)
 
 
 def handed_over(leg: MovingLeg, before: str, after: str) -> BoundaryConstraint:
@@ -72,7 +88,7 @@ def touchdown(leg: MovingLeg, before: str) -> tuple[BoundaryConstraint, ...]:
     return (
         linkage("touchdown", lambda e: foot(e)[0], length(leg), unit="m"),
         BoundaryConstraint(LANDING_WINDOW, lambda e: foot(e)[1], -window, window, length(leg), "m"),
-        BoundaryConstraint("touchdown from above", sinking, -INF, 0.0, leg.scale.time, "m/s"),
+        BoundaryConstraint("touchdown from above", sinking, -INF, 0.0, leg.scale.speed, "m/s"),
     )
 
 

@@ -49,9 +49,9 @@ class Plant:
     # ---- equations of motion ---------------------------------------------------------------------------
 
     def stance_start(self, q_j: np.ndarray) -> State:
-        """At rest with the foot on the ground at the origin."""
+        """At rest with the foot on the ground at the origin, drives with states of their own holding the leg."""
         terms, states = self.machine.stance_terms(q_j, np.zeros(self.n)), self.drive.states
-        own = np.array(states.at_rest(np.zeros(self.n)) if states else ())
+        own = np.array(states.at_rest(terms.joint_bias) if states else ())
         return State(terms.q, terms.v, contact=True, foot=0.0, drive=own)
 
     def _rates(self, s: State, y: np.ndarray, command: np.ndarray) -> np.ndarray:
@@ -62,7 +62,7 @@ class Plant:
         stop, accelerate = self.stops.torque(q[m - self.n :], w), self._accelerations(s, q, v)
         motor, tau = self.drive.torque(w, command, own, lambda tau: accelerate(tau + stop)[m - self.n :])
         a = accelerate(tau + stop)
-        rates = self.drive.rates(w, command, own)
+        rates = self.drive.rates(w, command, own, self.longest)
         return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w, 0.0], rates])
 
     def _accelerations(self, s: State, q: np.ndarray, v: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

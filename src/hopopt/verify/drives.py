@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
 
+from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import AddedStates, added_states
 from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of, motor_torque, response_to, teeth_torque
@@ -18,7 +20,7 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, STATE, Check
 from hopopt.verify.measures import quadrature
 from hopopt.verify.replay import missed
-from hopopt.verify.table import POWERS, TO_POWERS, Table
+from hopopt.verify.table import POWERS, STANCE, TO_POWERS, Table
 
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
 
@@ -30,11 +32,13 @@ class Drives:
     clamp: brings motor torques into the operating regions
     gear: its losses; None where none are planned
     rotor: reflected inertias of what spins in front of the gears (n) [kg m^2]
+    rates: by joint's place, how fast its motor's torque changes at most [N m/s], where that is limited
     """
 
     clamp: Clamp
     gear: Gear | None
     rotor: np.ndarray
+    rates: Mapping[int, float]
 
     @classmethod
     def of(cls, robot: Robot) -> Self:
@@ -44,7 +48,7 @@ class Drives:
         if robot.leg.supply is not None or any(region.power is not None for region in regions):
             clamp = Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], Gear()).clamp
         gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
-        return cls(clamp, gear, robot.model.armature[BASE:])
+        return cls(clamp, gear, robot.model.armature[BASE:], added_states(robot.leg, robot.parameters).limited)
 
     def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:
         """Torques (n) [N m] at the joints of the motors' torques, for q, v (BASE + n) of the leg."""
@@ -73,16 +77,38 @@ def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
         yield Check(f"{phase} drives", np.inf, EXACT, "relative", "the plan has no states of its drives")
         return
     scales = np.array([scale for d in states.of.values() for scale in d.scales])
-    missed = [_missed(states, table, k) / scales for k in range(len(table.t))]
-    worst = int(np.argmax(np.abs(missed).max(axis=1)))
-    where = f"interval from {table.t[worst, 0]:.4f} s"
-    yield Check(f"{phase} drives", float(np.abs(missed).max()), STATE, "of their scales", where)
+    if len(states.limited) < len(states.of):
+        missed = [_missed(states, table, k) / scales for k in range(len(table.t))]
+        worst = int(np.argmax(np.abs(missed).max(axis=1)))
+        where = f"interval from {table.t[worst, 0]:.4f} s"
+        yield Check(f"{phase} drives", float(np.abs(missed).max()), STATE, "of their scales", where)
     jumps = (table.drive[1:, 0] - table.drive[:-1, -1]) / scales
     yield Check(f"{phase} drives' continuity", float(np.abs(jumps).max(initial=0.0)), EXACT, "of their scales")
     rows = zip(*table.flat("drive", "command", "v", "tau"), strict=True)
-    wrong = [np.array(states.torques(x, u, v[BASE:])) - tau[states.at] for x, u, v, tau in rows]
+    wrong = [
+        [*(np.array(states.torques(x, u, v[BASE:])) - tau[states.at]), *(np.array(states.asked(x, u)) - u)]
+        for x, u, v, tau in rows
+    ]
     size = max(1.0, float(np.abs(table.tau).max()))
     yield Check(f"{phase} drive torque", float(np.abs(wrong).max()) / size, EXACT, "relative")
+
+
+def drives_go_on(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iterator[Check]:
+    """That the drives' states go on from phase to phase, round a cycle too, and begin a hop from rest as they hold the leg there."""
+    states, first = added_states(design.leg, machine.robot.parameters), tables[STANCE]
+    if not states.size or any(table.drive is None for table in tables.values()):
+        return
+    scales = np.array([scale for d in states.of.values() for scale in d.scales])
+    ends = [
+        (table.drive[0, 0] / scales, table.drive[-1, -1] / scales)
+        for table in tables.values()
+        if table.drive is not None
+    ]
+    jumps = [after[0] - before[1] for before, after in pairwise([*ends, *ends[: design.hop.periodic]])]
+    yield Check("drives from phase to phase", float(np.abs(jumps).max()), EXACT, "of their scales")
+    if not design.hop.periodic:
+        held = states.at_rest(machine.stance_terms(first.q[0, 0, BASE:], first.v[0, 0, BASE:]).joint_bias)
+        yield Check("drives at the start", float(np.abs(held / scales - ends[0][0]).max()), EXACT, "of their scales")
 
 
 @dataclass(frozen=True)
@@ -172,8 +198,12 @@ def _missed(states: AddedStates, table: Table, k: int) -> np.ndarray:
     assert table.command is not None
     command, speed, h = TO_POWERS @ table.command[k], TO_POWERS @ table.v[k][:, BASE:], table.t[k, -1] - table.t[k, 0]
 
+    slope = TO_POWERS @ table.asked_rate[k]
+
     def rates(place: float, x: np.ndarray) -> np.ndarray:
         powers = (2 * place - 1) ** POWERS
-        return h * np.array(states.rates(x, powers @ command, powers @ speed))
+        u = powers @ command
+        u[list(states.limited)] = (powers @ slope)[list(states.limited)]
+        return h * np.array(states.rates(x, u, powers @ speed))
 
     return missed(rates, table.drive[k, 0], table.drive[k, -1])

@@ -3,10 +3,11 @@
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.kinematics import reach
-from hopopt.leg.limit_id import Kind, LimitId, motor_power
+from hopopt.leg.limit_id import Kind, LimitId, motor_power, torque_rate
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import descent_range, force_range
 from hopopt.sim.machine import Machine
@@ -14,7 +15,7 @@ from hopopt.verify.table import DESCENT, STANCE, STANDING
 
 LIMIT_KINDS = (  # kinds of limits of a phase that are looked at here
     Kind.REGION, Kind.ANGLE, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
-    Kind.WINDOW, Kind.SUPPLY, Kind.MOTOR_POWER,
+    Kind.WINDOW, Kind.SUPPLY, Kind.MOTOR_POWER, Kind.TORQUE_RATE,
 )  # fmt: skip
 
 
@@ -29,11 +30,17 @@ def windowed(design: Design, phase: str, ends: str) -> bool:
 
 
 def limits_of(
-    machine: Machine, robot: Robot, design: Design, phase: str, motion: tuple[np.ndarray, ...], window: bool
+    machine: Machine,
+    robot: Robot,
+    design: Design,
+    phase: str,
+    motion: tuple[np.ndarray, ...],
+    window: bool,
+    rate: np.ndarray | None = None,
 ) -> dict[LimitId, np.ndarray]:
     """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
     q, v (k, 2 + n), tau (k, n) that the motors are asked for, f (k, 2); one value for those of its end;
-    ``window``: the foot's window is one."""
+    ``window``: the foot's window is one; rate (k, n) [N m/s] of tau, if it is to be looked at."""
     (q, v, tau, f), contact = motion, phase in STANDING
     columns = list(tau.T), list(v[:, BASE:].T)
     voltage = voltage_share(design.leg, robot.parameters, *columns) if design.leg.supply else None
@@ -47,6 +54,9 @@ def limits_of(
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]
         found[LimitId(Kind.ANGLE, joint)] = np.maximum(low - angle, angle - high) / (high - low)
+    if rate is not None:
+        for k, most in added_states(design.leg, robot.parameters).limited.items():
+            found[torque_rate(design.leg, robot.joints[k])] = (np.abs(rate[:, k]) / most - 1.0) / 2
     drawn = power_drawn(design.leg, robot.parameters, *columns) if design.leg.supply else 0.0
     for entry, most in power_limits(design.leg, robot.parameters).items():
         found[LimitId(Kind.SUPPLY, entry.replace("_", " "), f"supply.{entry}", "W")] = drawn / most - 1.0

@@ -16,7 +16,7 @@ from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import Scale, weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE_TOLERANCE, LIMIT, Check
-from hopopt.verify.drives import drive_checks
+from hopopt.verify.drives import drive_checks, drives_go_on
 from hopopt.verify.hops.heat import heat_checks
 from hopopt.verify.hops.landing import landed_checks, landing, lift_off
 from hopopt.verify.hops.periodic import SMALL, periodic_checks
@@ -54,7 +54,7 @@ def verify_plan(
         checks.append(Check("clearance asked for", max(missing, 0.0), EXACT, "m"))
     for name, table in tables.items():
         checks += phase_checks(machine, robot, design, name, table, windowed(design, name, ends))
-    return [*checks, *heat_checks(design, robot, tables)]
+    return [*checks, *drives_go_on(machine, design, tables), *heat_checks(design, robot, tables)]
 
 
 def phase_checks(
@@ -177,9 +177,12 @@ def _impulse(machine: Machine, phase: str, table: Table) -> Check:
 
 def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, window: bool) -> Iterator[Check]:
     """Every limit at 25 normalised times of every interval, its excess as a share of the limit's range."""
-    between = {name: dense(NORMALISED_TIMES, getattr(table, name), BETWEEN) for name in ("t", "q", "v", "asked", "f")}
-    t, *motion = (x.reshape(-1, *x.shape[2:]) for x in between.values())
-    for limit, excess in limits_of(machine, robot, design, phase, tuple(motion), window).items():
+    between = {
+        name: dense(NORMALISED_TIMES, getattr(table, name), BETWEEN)
+        for name in ("t", "q", "v", "asked", "f", "asked_rate")
+    }
+    t, *motion, rate = (x.reshape(-1, *x.shape[2:]) for x in between.values())
+    for limit, excess in limits_of(machine, robot, design, phase, tuple(motion), window, rate).items():
         at = int(np.argmax(excess))
         where = f"at {t[at] if len(excess) == len(t) else t[-1]:.4f} s"
         yield Check(limit_words(phase, limit), float(max(excess[at], 0.0)), LIMIT, "of its range", where)

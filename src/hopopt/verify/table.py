@@ -9,6 +9,8 @@ NORMALISED_TIMES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev poi
 POWERS = np.arange(len(NORMALISED_TIMES))
 # Values at NORMALISED_TIMES to coefficients of (2 s - 1)^k:
 TO_POWERS = np.linalg.inv((2 * NORMALISED_TIMES[:, None] - 1) ** POWERS)
+# to derivatives by normalised time:
+TO_RATES = (2 * POWERS * (2 * NORMALISED_TIMES[:, None] - 1) ** np.maximum(POWERS - 1, 0)) @ TO_POWERS
 STANCE, FLIGHT, DESCENT, LANDING = "stance", "flight", "descent", "landing"  # the last two only of hops that land
 STANDING = (STANCE, LANDING)  # in both the foot is the origin
 
@@ -37,6 +39,11 @@ class Table:
     def asked(self) -> np.ndarray:
         """What the motors are asked for (N, K, n) [N m]: the joints' torques where drives have no states."""
         return self.tau if self.command is None else self.command
+
+    @property
+    def asked_rate(self) -> np.ndarray:
+        """How fast what the motors are asked for changes (N, K, n) [N m/s], of its polynomial in each interval."""
+        return (TO_RATES @ self.asked) / (self.t[:, -1] - self.t[:, 0])[:, None, None]
 
     def flat(self, *names: str) -> list[np.ndarray]:
         """Arrays by name, the instants of all intervals one after the other, (N K, ...) each."""

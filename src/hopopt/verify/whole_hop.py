@@ -28,6 +28,7 @@ from hopopt.verify.measures import MEASURES, Measures
 from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, POWERS, STANCE, STANDING, TO_POWERS, Table
 
 FEEDBACK_RATE = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
+FOLLOWS = 1e-3  # [s] on the paper's leg: within which a torque of limited rate follows the feedback
 MOST_SHORT_OF_CLAIM = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it slow
 # rad, and m, rad/s, m/s on the paper's leg: a hop that strayed further is another one and says nothing about the plan's value
@@ -36,7 +37,7 @@ SHARPER = 10.0  # times as sharply change gears that lose something, for what th
 VALUE = Check("simulated in one piece", float("nan"), MOST_SHORT_OF_CLAIM, "relative")  # of nothing as yet
 LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "of its range")
 
-LegState = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
+LegState = tuple[np.ndarray, np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints, torques [N m] of limited rate
 Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # motor torques [N m] from place, angles and speeds
 
 
@@ -125,7 +126,8 @@ def not_simulated(design: Design) -> str:
     """Why a leg's hop cannot be simulated in one piece; empty if it can."""
     if loop_axes(design.leg):
         return "a leg that closes a loop with its guides is not simulated in one piece"
-    if added_states(design.leg, physical_parameters(design.leg)).size:
+    added = added_states(design.leg, physical_parameters(design.leg))
+    if len(added.limited) < len(added.of):
         return "a leg whose drives have states of their own is not simulated in one piece"
     return ""
 
@@ -148,7 +150,7 @@ def whole_hop_rollout(
         for part, unit in zip("qv", units, strict=True)
     )
     if design.hop.periodic:
-        strayed = max(strayed, closure(machine, joints_at(tables[STANCE], 0), *state, rate=1 / scale.time))
+        strayed = max(strayed, closure(machine, joints_at(tables[STANCE], 0), *state[:2], rate=1 / scale.time))
     values = _values(machine, robot, design.hop, found, figure)
     shares = {
         limit_words(name, limit): float(excess.max())
@@ -178,7 +180,10 @@ def _from_its_start(
 ) -> tuple[dict[str, Table], LegState] | None:
     """``simulated_hop`` from the plan's first state; None if that fails."""
     try:
-        return simulated_hop(machine, drives, tables, (tables[STANCE].q[0, 0], tables[STANCE].v[0, 0]))
+        first = tables[STANCE]
+        return simulated_hop(
+            machine, drives, tables, (first.q[0, 0], first.v[0, 0], first.asked[0, 0, list(drives.rates)])
+        )
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None
 
@@ -205,7 +210,7 @@ def simulated_hop(
     found = dict[str, Table]()
     for name, table in tables.items():
         if name == LANDING:
-            state = state[0], machine.touch_down(*state)
+            state = state[0], machine.touch_down(*state[:2]), state[2]
         found[name], state = _simulated(machine, drives, table, state, name in STANDING)
     return found, state
 
@@ -215,9 +220,9 @@ def _simulated(machine: Machine, drives: Drives, plan: Table, state: LegState, c
     rows: list[tuple[np.ndarray, ...]] = []
     for k in range(len(plan.t)):
         torque = _law(machine, drives.clamp, plan.q[k], plan.v[k], plan.asked[k], contact)
-        rows.append(_interval(machine, drives, torque, plan.t[k], state, contact))
-        state = rows[-1][0][-1], rows[-1][1][-1]
-    q, v, a, tau, f, motor = (np.array(part) for part in zip(*rows, strict=True))
+        rows.append(_interval(machine, drives, torque, plan.t[k], state, contact, plan.asked_rate[k]))
+        state = rows[-1][0][-1], rows[-1][1][-1], rows[-1][-1][-1]
+    q, v, a, tau, f, motor, _ = (np.array(part) for part in zip(*rows, strict=True))
     return Table(plan.t, q, v, a, tau, f, motor if drives.gear else None), state
 
 
@@ -241,31 +246,39 @@ def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
 
 
 def _interval(
-    machine: Machine, drives: Drives, torque: Law, t: np.ndarray, state: LegState, contact: bool
+    machine: Machine, drives: Drives, torque: Law, t: np.ndarray, state: LegState, contact: bool, rate: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """q, v, a, tau, f and the motors' torques at NORMALISED_TIMES of one interval, integrated tightly."""
-    first, h = (BASE if contact else 0), t[-1] - t[0]
+    """q, v, a, tau, f and the motors' torques at NORMALISED_TIMES of one interval, integrated tightly, and the torques whose
+    rate is limited; rate (K, n) [N m/s]: of the plan's torques."""
+    first, h, limited = (BASE if contact else 0), t[-1] - t[0], list(drives.rates)
+    m, ahead, most = len(state[0]) - first, (TO_POWERS @ rate[:, limited]).T, np.array(list(drives.rates.values()))
 
     def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
-        q, v = x[: len(x) // 2], x[len(x) // 2 :]
+        q, v, own = x[:m], x[m : 2 * m], x[2 * m :]
         tau = motor = torque(place, q[BASE - first :], v[BASE - first :])
+        toward = motor[limited] - own
+        if limited:
+            motor[limited] = own
+            tau = motor = drives.clamp(v[BASE - first :], motor)
         if drives.gear:
             nowhere = np.zeros(first)
             tau = drives.at_joints(machine, np.concatenate([nowhere, q]), np.concatenate([nowhere, v]), motor, contact)
         if not contact:
-            return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE), motor
+            return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE), motor, own, toward
         q, v, a, f = machine.pinned(q, v, tau)
-        return q, v, a, tau, f, motor
+        return q, v, a, tau, f, motor, own, toward
 
     def rates(place: float, x: np.ndarray) -> np.ndarray:
-        _, v, a, *_ = motion(place, x)
-        return h * np.concatenate([v[first:], a[first:]])
+        _, v, a, *_, toward = motion(place, x)
+        changing = np.clip(ahead @ (2 * place - 1) ** POWERS + toward / lag, -most, most)
+        return h * np.concatenate([v[first:], a[first:], changing])
 
-    x0 = np.concatenate([part[first:] for part in state])
+    lag = FOLLOWS * Scale.of(machine.leg).time
+    x0 = np.concatenate([state[0][first:], state[1][first:], state[2]])
     run = solve_ivp(
         rates, (0.0, 1.0), x0, "DOP853", t_eval=NORMALISED_TIMES, rtol=RELATIVE, atol=ABSOLUTE, first_step=1.0
     )
     if not run.success or not np.isfinite(run.y).all():
         raise ArithmeticError("the leg cannot be integrated")
     samples = [motion(place, x) for place, x in zip(run.t, run.y.T, strict=True)]
-    return tuple(np.array(part) for part in zip(*samples, strict=True))
+    return tuple(np.array(part) for part in zip(*samples, strict=True))[:-1]

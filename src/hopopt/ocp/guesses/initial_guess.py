@@ -27,7 +27,7 @@ from hopopt.leg.kinematics import (
     tucked,
     two_joints,
 )
-from hopopt.ocp.drives import torques_of
+from hopopt.ocp.drives import with_drive_states
 from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.heat import heated
 from hopopt.ocp.hop import Hop
@@ -129,18 +129,6 @@ def _all_phases(
     }
     of_leg = {name: with_drive_states(hop, guess, name in ON_GROUND) for name, guess in found.items()}
     return {phase.name: _widened(of_leg[phase.name], rises, more) for phase in hop.problem.phases}
-
-
-def with_drive_states(hop: Hop, guess: Guess, on_ground: bool) -> Guess:
-    """The guess with the states of the drives and their commands, as if the motion were slow; one that has them as it is."""
-    states, of_leg = hop.drive_states, 2 * hop.n + (0 if on_ground else 2 * len(hop.falling))
-    if not states.size or guess.x.shape[1] > of_leg:
-        return guess
-    tau = torques_of(hop, guess.x[:, -2 * hop.n :], guess.u, on_ground)
-    held = np.array([states.at_rest(row) for row in tau])
-    return replace(
-        guess, x=np.hstack([guess.x, held]), u=np.hstack([np.delete(guess.u, states.at, axis=1), tau[:, states.at]])
-    )
 
 
 def _cold(hop: Hop, guess: Guess, of_body: int) -> Guess:

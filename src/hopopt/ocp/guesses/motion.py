@@ -113,15 +113,22 @@ class MovingLeg:
         at, a = self.drive_states.at, ca.SX.sym("a", self.n)
         torque, others = motion(a).tau[at], [k for k in range(self.n) if k not in at]
         M, h = ca.jacobian(torque, a), ca.substitute(torque, a, ca.SX.zeros(self.n))
-        given = ca.vertcat(*added_states(self.leg, s.p).torques(s.drive, self.commands(s), s.v))
+        given = ca.vertcat(*added_states(self.leg, s.p).torques(s.drive, self.asked_torques(s), s.v))
         own = ca.solve(M[:, at], given - h - (M[:, others] @ s.a if others else 0))
         places = dict(zip(at, ca.vertsplit(own), strict=True))
         places |= dict(zip(others, ca.vertsplit(s.a), strict=True)) if others else {}
         return ca.vertcat(*[places[k] for k in range(self.n)])
 
+    def asked_torques(self, s: Instant) -> list[Any]:
+        """What motors are asked for [N m] whose drives have states; None for the others."""
+        return self.drive_states.asked(ca.vertsplit(s.drive), self.commands(s))
+
     def commands(self, s: Instant) -> list[Any]:
-        """Commands [N m] to the joints whose drives have states; None for the others."""
-        own = dict(zip(self.drive_states.at, ca.vertsplit(s.command), strict=True))
+        """What is controlled of the joints whose drives have states, a torque [N m] or its rate [N m/s]; None for the others."""
+        given = (
+            ca.vertsplit(s.command) if hasattr(s, "command") else [None] * len(self.drive_states.at)
+        )  # ends have none
+        own = dict(zip(self.drive_states.at, given, strict=True))
         return [own.get(k) for k in range(self.n)]
 
     # ---- flight ----------------------------------------------------------------------------------------

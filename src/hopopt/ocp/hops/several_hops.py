@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from hopopt.ocp.drives import refuse_drive_states
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.heat import refuse_heat
@@ -47,6 +48,7 @@ def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances:
     clearances: what each hop must clear at least when its flight ends [m]; so many hops.
     """
     refuse_heat(leg, "a plan of several hops")
+    refuse_drive_states(leg, "a plan of several hops")
     phases, transitions, last = list[Phase](), list[BoundaryConstraint](), len(clearances)
     for k, least in enumerate(clearances, 1):
         up, over, down = (numbered(phase, k) for phase in HOP_PHASES)

@@ -22,7 +22,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import joint_inertias
-from hopopt.ocp.drives import motor_torques
+from hopopt.ocp.drives import motor_torques, refuse_drive_states
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE
 from hopopt.ocp.heat import refuse_heat
 from hopopt.ocp.hop import Hop
@@ -68,6 +68,7 @@ class TrueLeg:
         self.number, self.gain = number, np.asarray(gain, dtype=float)
         self.hop = Hop(with_torque_constants(design, self.gain))
         refuse_heat(self.hop, "a plan that several legs share")
+        refuse_drive_states(self.hop, "a plan that several legs share")
         self.phases = {
             STANCE: stance(self.hop, np.asarray(start, dtype=float), np.zeros(self.hop.n)),
             FLIGHT: flight(self.hop),

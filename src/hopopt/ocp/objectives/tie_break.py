@@ -5,6 +5,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.motor import stall_torque
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.ocp.drives import motor_torques
@@ -16,18 +17,21 @@ LOOPED = 10.0  # times its weight, of a leg that closes a loop in stance: there 
 
 
 def effort(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
-    """Sum over the joints of (tau / stall torque)^2, to be integrated; tau is what the motors are asked for."""
+    """Sum over the joints of (tau / stall torque)^2, to be integrated; tau is what the motors are asked for. Where the rate of
+    tau is limited, (rate / limit)^2 too."""
     torques = motor_torques(leg, motion)
 
     def rate(s: Instant) -> ca.SX:
-        return ca.sumsqr(torques(s) / ca.vertcat(*[stall_torque(leg.leg, j, s.p) for j in leg.leg.joints]))
+        found = ca.sumsqr(torques(s) / ca.vertcat(*[stall_torque(leg.leg, j, s.p) for j in leg.leg.joints]))
+        limited = added_states(leg.leg, s.p).limited
+        return found + sum((leg.commands(s)[k] / most) ** 2 for k, most in limited.items())
 
     return rate
 
 
 def largest_effort(leg: MovingLeg) -> float:
     """The most that ``effort`` can be; a region that no half-plane closes is taken up to twice its stall torque."""
-    total, p = 0.0, leg.robot.parameters
+    total, p = float(len(leg.drive_states.limited)), leg.robot.parameters
     for joint in leg.leg.joints:
         stall = stall_torque(leg.leg, joint, p)
         total += float(np.max(np.abs(operating_region(leg.leg, joint, p).corners()[:, 1]))) ** 2 / stall**2

@@ -6,6 +6,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 import numpy as np
 
+from hopopt.drivetrain.dynamics import TORQUE_RATE, added_states
 from hopopt.drivetrain.heat import LIMIT
 from hopopt.drivetrain.operating_region.limits import CAPS
 from hopopt.leg.limit_id import Kind
@@ -73,7 +74,13 @@ def idle_limits(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, IdleLimi
     """
     together: dict[tuple[str, ...], list[Use]] = {}
     shares = plan.objective == "saturation"  # the share of its region that a drive uses is the objective there
-    for use in (*_joints(plan, fine), *(() if shares else _regions(plan, fine)), *_heat(plan), *_whole(plan, fine)):
+    for use in (
+        *_joints(plan, fine),
+        *(() if shares else _regions(plan, fine)),
+        *_heat(plan),
+        *_rates(plan),
+        *_whole(plan, fine),
+    ):
         together.setdefault(use.key, []).append(use)
     largest = [(max(uses, key=lambda use: use.used), uses) for uses in together.values()]
     idle = sorted(
@@ -123,6 +130,16 @@ def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
                 yield Use(f"{{}} {name}", (joint,), path, cap, share, share * cap)
             else:
                 yield Use(f"{{}} {name}", (joint,), "", 1.0, share, share)
+
+
+def _rates(plan: Motion) -> Iterator[Use]:
+    """Limits of how fast motors' torques change."""
+    leg = plan.design.leg
+    for k, most in added_states(leg, plan.robot.parameters).limited.items():
+        joint = plan.robot.joints[k]
+        used = max(float(np.abs(table.asked_rate[..., k]).max()) for table in plan.tables.values()) / most
+        path, limit = leg.drive(joint, "motor", TORQUE_RATE)
+        yield Use(f"{{}} {Kind.TORQUE_RATE.value}", (joint,), path, limit, used, used * limit)
 
 
 def _heat(plan: Motion) -> Iterator[Use]:

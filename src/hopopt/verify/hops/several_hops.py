@@ -61,11 +61,11 @@ def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables
     torques clamped to the drives; infinite if that cannot be."""
     first = hops[0][STANCE]
     drives = Drives.of(robot)
-    last = state = first.q[0, 0], first.v[0, 0]
+    last = state = first.q[0, 0], first.v[0, 0], first.asked[0, 0, list(drives.rates)]
     try:
         for tables in hops:
             _, last = simulated_hop(machine, drives, tables, state)
-            state = last[0], machine.touch_down(*last)
+            state = last[0], machine.touch_down(*last[:2]), last[2]
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return np.inf
-    return closure(machine, end, *last, rate=1 / Scale.of(design.leg).time)
+    return closure(machine, end, *last[:2], rate=1 / Scale.of(design.leg).time)
