@@ -145,7 +145,7 @@ def rail() -> Posed:
         return [torque + rate, torque - rate, rate - torque, -torque - rate]
 
     def stance(x: Any, u: Any, m: Any) -> tuple[Any, Any, Any]:
-        (a, w), (hip, knee), s, c = x, u, m.sin(x[0]), m.cos(x[0])
+        (_, w), (hip, knee), s, c = x, u, m.sin(x[0]), m.cos(x[0])
         arm = (4 * BODY + 9 / 4 * THIGH + SHANK / 4) * LINK**2  # of what moves up and down
         mass = arm * s * s + (THIGH + SHANK) * LINK**2 / 4 * c * c + (THIGH + SHANK) * ROD + 5 * ROTOR
         bent = (arm - (THIGH + SHANK) * LINK**2 / 4) * s * c * w * w * RATE**2
