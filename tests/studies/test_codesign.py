@@ -537,6 +537,6 @@ def test_an_attempt_is_kept_if_the_time_ends_before_another(monkeypatch: pytest.
     hop_found = SimpleNamespace(success=True, objective=0.8, signed_value=0.8)
     monkeypatch.setattr(codesign, "search_first_mesh", lambda *given: SimpleNamespace(outcomes=(hop_found,)))
     monkeypatch.setattr(codesign, "solved_from", lambda *given: hop_found)
-    found = codesign._found(Hop(ho.load("paper")), 1, 1, Stopwatch(), lambda text: None, NEVER)
+    found = codesign._found(Hop(ho.load("paper")), 1, 1, Stopwatch(), lambda text: None, NEVER, None)
     assert found is attempt
     assert len(calls) == 2

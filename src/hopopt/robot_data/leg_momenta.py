@@ -44,7 +44,7 @@ class LegMomenta:
         momentum = leg.inverse_dynamics(whole, still, speed) - leg.inverse_dynamics(whole, still, still)
         energy = 0.5 * ca.dot(speed, momentum)
         if contact:
-            energy += sum(body.mass for body in leg.bodies) * ca.dot(leg.gravity, leg.points(whole)["com"])
+            energy += sum(body.mass for body in leg.bodies) * ca.dot(self.gravity, leg.points(whole)["com"])
         y = ca.vertcat(ca.gradient(energy, v), ca.gradient(energy, q), momentum[:BASE])
         values = ca.Function("y", [q, v, scales], [y, ca.densify(ca.jacobian(y, scales))])
         motion = ca.Function("dy", [q, v, scales], [ca.densify(ca.jacobian(y, x)) for x in (q, v)])
