@@ -65,7 +65,7 @@ def test_the_problem_comes_first() -> None:
 
 
 def test_all_that_takes_long_tells_how_it_goes_on() -> None:
-    quick = {"constraint", "identify", "load", "objective", "read", "save"}
+    quick = {"constraint", "identify", "load", "objective", "program", "read", "save"}
     longer = {"Solution.compare", "Solution.compare_hops", "Comparison.why", "HopsComparison.why"}
     assert all("progress" in inspect.signature(VERBS[name]).parameters for name in VERBS.keys() - quick)
     assert all("progress" in inspect.signature(METHODS[name]).parameters for name in longer)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import hopopt as ho
-from hopopt.cli.main import app, run
+from hopopt.cli.main import WITH, app, run
 from hopopt.sim.hop_metrics import HopFigures
 
 ROOT = Path(__file__).parents[2]
@@ -61,9 +61,11 @@ def test_there_are_commands_to_look_at() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_command_is_one(page: Path) -> None:
-    """With its options; a misspelt one would end the test by its own error."""
+    """With its options; a misspelt one would end the test by its own error. ``--with`` goes with every command, before that."""
     for words in commands(page):
-        app.parse_args(words, exit_on_error=False, print_error=False)
+        own = [k for k, word in enumerate(words) if word == WITH]
+        kept = [word for k, word in enumerate(words) if k not in own and k - 1 not in own]
+        app.parse_args(kept, exit_on_error=False, print_error=False)
 
 
 def results_for(words: list[str], folder: Path) -> Iterator[str]:
