@@ -624,8 +624,8 @@ def test_a_plan_that_suits_no_simulation_of_the_leg_is_refused(solution, tmp_pat
 
 @pytest.mark.slow
 def test_all_rows_of_a_similar_leg_are_the_papers(solution, monkeypatch):
-    """A quarter as large: nothing is given but what makes it a copy, and what is asked of it."""
-    names = ["force", "force_tuck", "position_tuned", "track", "track_pd"]
+    """A quarter as large: nothing is given but what makes it a copy, and what is asked of it. Tuned rows are each leg's own."""
+    names = ["force", "force_tuck", "position_tuck", "track", "track_pd"]
     small = compare(load("paper", {**similar(0.25), "solver.starts": 1}), names)
     monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, say: plan_with_reserve())
     of = compare(solution.design, names, bound=solution)
