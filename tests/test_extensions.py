@@ -118,6 +118,11 @@ def test_a_module_that_is_none_is_said_in_a_sentence(name: str, capsys: pytest.C
     assert f"--with {name}" in said or "write the name of a module" in said
 
 
+def test_a_module_alone_shows_how_to_begin(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--with", "json"]) == 0
+    assert "Begin with:" in capsys.readouterr().out
+
+
 def test_a_module_with_an_error_is_said_in_a_sentence(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path(f"{module}.py").write_text("1 / 0\n")
     assert run(["show", f"--with={module}"]) == 2

@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from hopopt.errors import UsageError
-from hopopt.record import Strict, stated
+from hopopt.record import Strict, adapter, stated
 from hopopt.user_code import imported, last_line
 
 T = TypeVar("T")
@@ -260,3 +260,8 @@ def doubts(recorded: Iterable[Extension]) -> list[str]:
         elif e.digest and (here := digest_of(e.module)) != e.digest:
             found.append(f"{e.module} is not as it was: its digest is {here or 'unknown'}, not {e.digest}")
     return found
+
+
+def stored_doubts(data: Mapping[str, Any]) -> list[str]:
+    """The same of what a stored study or comparison says of itself."""
+    return doubts(adapter(Extension).validate_python(module) for module in data.get("extensions", ()))

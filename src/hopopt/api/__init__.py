@@ -11,7 +11,8 @@ from hopopt.api.old_names import front as front  # pyright: ignore[reportDepreca
 from hopopt.api.program import Program, ProgramSolution
 from hopopt.api.results import Front, Map, RobustHop, Run, Study, Transition
 from hopopt.api.solution import Comparison, HopsComparison, Ladder, Solution
-from hopopt.api.verbs import identify, pareto, program, read, robust, save, simulate, solve, sweep, transition
+from hopopt.api.studies import pareto, robust, sweep, transition
+from hopopt.api.verbs import identify, program, read, save, simulate, solve
 from hopopt.design import Design
 from hopopt.ocp.custom import constraint, objective
 from hopopt.problem.load import load

@@ -4,13 +4,20 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.ocp.custom import Custom, Moment
+from hopopt.ocp.objectives.objective import HopObjective
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Problem = Design | str | Path
+Objective = str | Callable[[Moment], Any] | HopObjective
+Constraint = str | Callable[[Moment], Any] | Custom
 Progress = Callable[[str], None] | bool  # a function that is told a line of text, or True: lines on standard error
 P = ParamSpec("P")
 R = TypeVar("R")

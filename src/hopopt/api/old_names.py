@@ -5,10 +5,11 @@ from pathlib import Path
 
 from typing_extensions import deprecated
 
-from hopopt.api.asked import Progress
+from hopopt.api.asked import Constraint, Objective, Problem, Progress
 from hopopt.api.results import Front
 from hopopt.api.solution import Solution
-from hopopt.api.verbs import Constraint, Objective, Problem, pareto, solve
+from hopopt.api.studies import pareto
+from hopopt.api.verbs import solve
 
 
 @deprecated("hopopt.front is now hopopt.pareto, as the command is called")

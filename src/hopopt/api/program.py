@@ -15,11 +15,10 @@ from hopopt.leg.dynamics import LegDynamics
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.variable_names import parameter_names, row_names, variable_names
-from hopopt.ocp.guesses.initial_guess import make_guess
+from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.planner.motion import Motion
 from hopopt.planner.search.from_known import Known, guess_of
-from hopopt.planner.search.multistart import starts_of
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -85,7 +84,7 @@ class Program:
 
     @property
     def p(self) -> ca.MX:
-        """The fixed parameters: numbers of the leg and of one's own, SI units."""
+        """The fixed parameters: numbers of the leg and those of ``[parameters]``, SI units."""
         return self.transcription.nlp["p"]
 
     @property

@@ -122,10 +122,9 @@ def run(arguments: list[str] | None = None) -> int:
     try:
         if any("\0" in word for word in words):
             raise UsageError("an argument holds a NUL character, which no name and no number has")
-        if not words:
+        if not (words := with_modules(words)):
             print(BEGIN)
             return 0
-        words = with_modules(words)
         named = words[0] in app and words[0] not in app.help_flags
         asked = app if named else command_line(first_page=True)
         result = asked(words, exit_on_error=False, print_error=False, result_action="return_value", help_on_error=False)

@@ -18,10 +18,8 @@ from hopopt.leg.kinematics import spread
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import Scale
 
-STEP, PARTS = (
-    2e-3,
-    3,
-)  # [s] on the paper's leg between the computed instants of a flight, and steps from one to the next
+STEP = 2e-3  # [s] on the paper's leg, between the computed instants of a flight
+PARTS = 3  # steps from one of them to the next
 PAST_APEX = 0.1  # [s] on the paper's leg, after the apex, for which it is computed
 QUICKEST = 150.0  # [1/s] on the paper's leg: bandwidth of the servo at most, which the steps can follow
 POSES = (64, 48)  # that are tried at first, and then about the best

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.control.draw_up import MARGIN, Aim, DrawingUp, LiftOff
+from hopopt.control.draw_up import BRAKING, MARGIN, Aim, DrawingUp, LiftOff
 from hopopt.control.setting import Setting, chosen, one_of
 from hopopt.control.similarity import scaled
 from hopopt.control.two_mass import TwoMass
@@ -35,7 +35,6 @@ RATE_STEP = 1e-5  # [m] on the paper's leg: step of the reference's own derivati
 SHORTEST_BRAKING = 1e-3  # [m] on the paper's leg, over which a landing brakes at least
 STILL_MOVING = 0.1  # share of a drive's no-load speed, above which a joint has not come to rest
 NEAR = 1.5  # margins from a joint limit, within which a pose is at it
-BRAKING = 0.5  # share of the drives' braking torque that a braked servo counts on: links are coupled
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from hopopt.errors import UsageError
 from hopopt.leg.derived import LegFigures, derived
 from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import as_json, load, rows
-from hopopt.record import adapter
 from hopopt.report.study import is_study, study_in
 from hopopt.storage.folder import fitting
 from hopopt.storage.runs import read_data
@@ -46,9 +45,7 @@ def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) 
         raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
     with fitting(Path(what)):
         if (study := _study(Path(what))) is not None:
-            for words in extensions.doubts(
-                adapter(extensions.Extension).validate_python(e) for e in study[0].get("extensions", ())
-            ):
+            for words in extensions.stored_doubts(study[0]):
                 note(words)
             return ended(study[0], json_, study[1])
         solution = read(what)

@@ -21,11 +21,11 @@ import numpy as np
 
 from hopopt.design.names import names_in
 from hopopt.errors import ResultError, UsageError
-from hopopt.extensions import Extension, doubts, note_needed, used
+from hopopt.extensions import note_needed, stored_doubts, used
 from hopopt.files import write_whole
 from hopopt.ocp.objectives.registry import find
 from hopopt.problem.load import load, resolved_toml
-from hopopt.record import adapter, as_data
+from hopopt.record import as_data
 from hopopt.storage.folder import as_json, new_folder, reason_of, writing
 from hopopt.storage.seal.digests import changed, digest, manifest_of, seal
 from hopopt.studies.faults import Fault
@@ -90,8 +90,7 @@ def read_definition(folder: Path) -> Definition:
 def check_same(folder: Path, definition: Definition) -> None:
     """ResultError, naming what differs, unless the folder holds this very study."""
     _same(folder, stamp(read_definition(folder)), definition)
-    recorded = json.loads((folder / "sweep.json").read_text(encoding="utf-8")).get("extensions", ())
-    if wrong := doubts(adapter(Extension).validate_python(module) for module in recorded):
+    if wrong := stored_doubts(json.loads((folder / "sweep.json").read_text(encoding="utf-8"))):
         raise ResultError(f"{folder}: {'; '.join(wrong)}: its points would not belong together; begin another study")
 
 

@@ -20,6 +20,7 @@ from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import (
+    KnownOptima,
     StartOutcome,
     first_options,
     first_solver,
@@ -158,7 +159,7 @@ def relaxed_starts(
     known: hops to which none need be followed again; begun_from: numbers of the starts that it is solved from.
     """
     watch, outcomes = known_optima(hop, known), list[StartOutcome]()
-    asked = NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch, until)
+    asked = asked_from(hop, watch, until)
     relaxed = first_solver(hop, True, known_optima(hop), until)
     for k in begun_from:
         if until.passed:
@@ -183,6 +184,11 @@ def _tightened(hop: Hop, asked: NlpSolver, relaxed: NlpSolver, relaxation: Relax
     name = relaxation.name if k == 0 else f"{relaxation.name}, from {start.name}"
     outcome = outcome_of(name, s, time.perf_counter() - began)
     return noted(asked, outcome) if asked.stopped else outcome
+
+
+def asked_from(hop: Hop, watch: KnownOptima, until: Deadline) -> NlpSolver:
+    """The program that was asked, to be solved from the optimum of a changed one and its multipliers."""
+    return NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch, until)
 
 
 def own_bounds(t: Transcription) -> Bounds:

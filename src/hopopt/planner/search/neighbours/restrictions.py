@@ -12,20 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.solver.ipopt import CARRIED, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.search.multistart import (
     StartOutcome,
-    first_options,
     first_solver,
-    first_transcription,
     known_optima,
     noted,
     outcome_of,
 )
-from hopopt.planner.search.neighbours.relaxations import own_bounds
+from hopopt.planner.search.neighbours.relaxations import asked_from, own_bounds
 
 SOFT = {  # entries of a soft touchdown, on the paper's leg: value and unit; benchmarks/landed_limits.py chose them
     "touchdown_loss": (1.0, "J"), "touchdown_impulse": (2.0, "N s"), "touchdown_speed": (1.0, "m/s"),
@@ -71,8 +69,7 @@ def restricted_starts(
     found = _restricted(hop.problem.once("soft touchdown", lambda: softened(hop)), restriction, until)
     if not found.success:
         return []
-    watch = known_optima(hop, known)
-    asked = NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch, until)
+    asked = asked_from(hop, known_optima(hop, known), until)
     released = _released(asked, found)
     return [noted(asked, outcome_of(restriction.name, released, time.perf_counter() - began))]
 
