@@ -146,7 +146,8 @@ def _dependent(rows: Matrix) -> tuple[np.ndarray, np.ndarray]:
     """Which rows take part in a vanishing sum of multiples of rows, (d,), and a basis of such multiples, (d, k).
 
     Random vectors are projected on those that A' maps to almost nothing, by inverse iteration; of the few directions
-    that remain, those that it maps to nothing are a small singular value decomposition's (Rayleigh and Ritz).
+    that remain, those that it maps to nothing are a small singular value decomposition's (Rayleigh and Ritz). Many rows
+    can nearly depend on each other; what counts are those that do without the rest, as a decomposition of them alone says.
     """
     lengths = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1))).ravel()
     A: Any = sparse.csc_matrix(sparse.diags(1 / np.where(lengths > 0, lengths, 1.0)) @ rows)
@@ -160,6 +161,17 @@ def _dependent(rows: Matrix) -> tuple[np.ndarray, np.ndarray]:
         if not zero.all() or count == A.shape[0]:
             break
         count = min(2 * count, A.shape[0])
-    basis = block @ directions[zero].T
-    taking = np.abs(basis).max(axis=1, initial=0.0) > TAKES_PART
-    return np.flatnonzero(taking), basis[taking] / lengths[taking, None]
+    places = np.flatnonzero(_takes_part(block @ directions[zero].T))
+    if not len(places):
+        return places, np.zeros((0, 0))
+    dense = A[places].toarray()
+    dense = dense[:, dense.any(axis=0)]
+    left, sizes, _ = np.linalg.svd(dense, full_matrices=len(places) > dense.shape[1])
+    basis = left[:, np.concatenate([sizes, np.zeros(len(places) - len(sizes))]) < DEPENDS]
+    taking = _takes_part(basis)
+    return places[taking], basis[taking] / lengths[places[taking], None]
+
+
+def _takes_part(directions: np.ndarray) -> np.ndarray:
+    """Which rows take part in any of the directions of length 1, one a column."""
+    return np.abs(directions).max(axis=1, initial=0.0) > TAKES_PART
