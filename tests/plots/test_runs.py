@@ -154,6 +154,10 @@ def test_curves_are_the_recorded_samples(runs: Callable[[str], Runs]) -> None:
     for name, own in runs("five").items():
         foot = np.column_stack([own.trace.t - own.lift_off["time_s"], own.trace.points["foot"][:, 1]])
         np.testing.assert_array_equal(curve(FIGURES["foot_height"](runs("five")), 0, f"{name}: "), foot)
+    bent = another(run, -1.0)  # drawn for this alone: its knee is lower than its foot
+    assert (bent.trace.lowest < bent.trace.points["foot"][:, 1] - 0.01).any()
+    foot = np.column_stack([bent.trace.t - bent.lift_off["time_s"], bent.trace.points["foot"][:, 1]])
+    np.testing.assert_array_equal(curve(FIGURES["foot_height"]({"bent": bent, "force": run}), 0, "bent"), foot)
     for k in range(2):
         way = curve(FIGURES["speed_torque"](runs("one")), k, "force")
         assert set(map(tuple, way)) <= set(zip(trace.v[:, 2 + k], trace.motor[:, k], strict=True))
