@@ -207,6 +207,14 @@ def test_a_leg_that_stays_down_is_said_to(hop: Solution) -> None:
     assert in_short(down, hop.design)[0] == (
         "the leg does not leave the ground in any useful sense (ballistic rise -0.0009 m): it is drawn up"
     )
+    falls = replace(hop.summary, parts=replace(hop.summary.parts, ballistic_rise_m=-0.09))
+    assert in_short(falls, hop.design)[0].startswith("too weak to hop: the body only falls (ballistic rise -0.0900 m)")
+
+
+def test_how_many_legs_carry_the_body_is_said_first(hop: Solution) -> None:
+    whole_robot, shared = (in_short(hop.summary, load("paper", {"leg.body.legs": n}))[0] for n in (1.0, 4.0))
+    assert whole_robot.startswith("one leg carries the whole robot, a body of ")
+    assert shared.startswith("one of 4 legs that push together and mirror each other: each carries ")
 
 
 def test_an_answer_without_rotors_says_so(hop: Solution) -> None:

@@ -295,3 +295,22 @@ def test_a_datasheet_counts_over_the_urdf(read: Any) -> None:
     assert [rated(hip, name) for name in hip.joints] == [pytest.approx((30, 48), rel=1e-15), (60, 20)]
     fed = read(robot(), f"supply.voltage = 24.0\nknee.motor = {DATASHEET.replace('voltage = 24.0, ', '')}").leg
     assert [rated(fed, name) for name in fed.joints] == [(40, 20), pytest.approx((30, 48), rel=1e-15)]
+
+
+def test_legs_that_share_the_body_carry_equal_parts_of_it(read: Any) -> None:
+    """A robot of two legs, 4 + 2 (1 + 0.5) kg: each has 2 kg of the body, and its supply feeds both."""
+    other = "".join(
+        link(f"{name}2", inertial("0 0 -0.1", mass, *[mass / 100] * 3))
+        + joint(f"{above}_{name}", above, f"{name}2", "0 0 -0.2")
+        for above, name, mass in (("body", "thigh", 1.0), ("thigh2", "shank", 0.5))
+    )
+    alone, shared = read(robot(other)).leg, read(robot(other), "body.legs = 2\nsupply.voltage = 24.0").leg
+    assert (alone.body.mass, alone.body.legs, alone.supply) == (pytest.approx(5.5, abs=1e-12), 1, None)
+    assert (shared.body.mass, shared.body.legs) == (pytest.approx(2.0, abs=1e-12), 2)
+    assert shared.supply
+    assert shared.supply.legs == 2
+    fed = read(robot(other), "body.legs = 2\nsupply = {voltage = 24.0, legs = 1}").leg.supply
+    assert fed
+    assert fed.legs == 1
+    assert read(robot(other), "body = {legs = 2, mass = 3.0}").leg.body.mass == 3
+    assert "leg.body.legs = 5 leaves no body: 5 legs of 1.5 kg weigh more than the robot of 7 kg" in refusal(read, robot(other), "body.legs = 5")  # fmt: skip

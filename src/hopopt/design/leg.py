@@ -32,7 +32,11 @@ LEAST_INERTIA = 1e-8  # [kg m^2] of a link: what a point mass is given
 
 
 class Body(Section):
-    mass: float = quantity("mass of the body with both motors", "kg", 1e-3, 1000, physical=True)
+    mass: float = quantity("mass of the body with both motors, as this leg carries it", "kg", 1e-3, 1000, physical=True)
+    legs: float | None = quantity(
+        "equal legs that carry the body, push together and mirror each other; from a URDF its mass is shared among them",
+        "1", 1, 100, None,
+    )  # fmt: skip
 
 
 class Link(Section):
@@ -153,7 +157,9 @@ class Supply(Section):
     voltage: float = quantity("open-circuit voltage", "V", 1.0, 1000, physical=True)
     internal_resistance: float = quantity("of battery and wires", "ohm", 0.0, 100, 0.0, physical=True)
     count: float = quantity("equal supplies side by side", "1", 0.1, 100, 1.0, physical=True)
-    legs: float = quantity("equal legs that push together from it", "1", 1, 100, 1.0, physical=True)
+    legs: float = quantity(
+        "equal legs that push together from it (default: as many as carry the body)", "1", 1, 100, 1.0, physical=True
+    )
     least_voltage: float | None = quantity(
         "at its terminals, below which boards reset", "V", 0.5, 1000, None, physical=True
     )
@@ -209,7 +215,10 @@ class Leg(Section):
     @model_validator(mode="before")
     @classmethod
     def _gather(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "joint" in data or "link" in data:
+        if not isinstance(data, dict):
+            return data
+        data = _legs_on_supply(data)
+        if "joint" in data or "link" in data:
             return data
         data = dict(data)
         for key, names in (("joint", data.get("joints")), ("link", data.get("links"))):
@@ -250,6 +259,14 @@ class Leg(Section):
         if value is not None or whole:
             return f"leg.{joint}.{part}.{entry}", value
         return f"leg.{part}.{entry}", getattr(common, entry)
+
+
+def _legs_on_supply(leg: dict[str, Any]) -> dict[str, Any]:
+    """The leg's table whose supply feeds as many legs as carry the body, if it says nothing else."""
+    body, supply = leg.get("body"), leg.get("supply")
+    if not isinstance(body, dict) or not isinstance(supply, dict) or body.get("legs") is None or "legs" in supply:
+        return leg
+    return {**leg, "supply": {**supply, "legs": body["legs"]}}
 
 
 def unit(vector: Sequence[float]) -> tuple[float, ...]:

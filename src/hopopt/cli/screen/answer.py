@@ -14,7 +14,7 @@ from hopopt.cli.screen.console import NamedLines, Shown, marked
 from hopopt.cli.screen.motion import hop_lines
 from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
-from hopopt.design import Design, Leg
+from hopopt.design import Body, Design, Leg
 from hopopt.drivetrain.gear import lossy
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.objectives.direction import sign
@@ -96,8 +96,10 @@ def in_short(s: Summary, design: Design) -> list[str]:
     if not isfinite(found.friction_needed):
         grip = "ground that holds the foot sideways without load, which no friction does"
     free = f"{found.load_free_share:.0%} of stance without load on the foot"
-    rise = s.parts.ballistic_rise_m
+    rise, little = s.parts.ballistic_rise_m, HARDLY * reach(design.leg)
     grounded = [f"the leg does not leave the ground in any useful sense (ballistic rise {rise:.4f} m): it is drawn up"]
+    if rise < -little:
+        grounded = [f"too weak to hop: the body only falls (ballistic rise {rise:.4f} m) while the leg is drawn up"]
     needs = [grip, *([free] if found.load_free_share > LITTLE_LOAD_FREE else [])]
     cleared = f"the {s.lowest_point} clears {lengths:.2f} leg lengths; this motion needs {'; '.join(needs)}"
     costs = {
@@ -109,11 +111,25 @@ def in_short(s: Summary, design: Design) -> list[str]:
     asked = s.result_dir and bound_line(0.0, s.objective)  # heights alone
     more = [f"what the best motion without these loses: hopopt diagnose {s.result_dir} --worth"] if asked else []
     return [
-        *(grounded if rise < HARDLY * reach(design.leg) else []),
+        *carried(design.leg.body),
+        *(grounded if rise < little else []),
         cleared,
         *([f"it rests on {rests}"] if (rests := assumed(design.leg)) else []),
         *([f"it leans on {lean}"] if lean else []),
         *more,
+    ]
+
+
+def carried(body: Body) -> list[str]:
+    """Of a leg whose problem tells it: how many share the body."""
+    if body.legs is None:
+        return []
+    if body.legs == 1:
+        return [
+            f"one leg carries the whole robot, a body of {body.mass:.4g} kg: leg.body.legs = 4 would share it among four"
+        ]
+    return [
+        f"one of {body.legs:g} legs that push together and mirror each other: each carries {body.mass:.4g} kg of the body"
     ]
 
 

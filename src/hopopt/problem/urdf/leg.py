@@ -90,8 +90,8 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
     except UrdfError as error:
         report.unusable(f"{shown_path(path.name)} {error}")
     else:
-        tables = _tables(found, rest, report)
         report.urdf = path.name
+        tables = _tables(found, rest, report)
         report.origins = dict.fromkeys(_entries(tables, "leg"), path.name) | report.origins
         urdf_rules(found, rest, tables, report)
         return {**data, "leg": _merged(tables, rest)}
@@ -142,8 +142,28 @@ def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
             "length": length, "direction": tuple(x / (length or 1.0) for x in item.vector), "mass": item.mass,
             "com_position": item.com, "inertia_tensor": item.inertia,
         }  # fmt: skip
-    body = {"links": tuple(links), "body": {"mass": found.body_mass}, "gear": {"ratio": 1.0}}
+    body = {"links": tuple(links), "body": _body(found, leg, report), "gear": {"ratio": 1.0}}
     return _merged(body | tables, _drives(found, leg, report))
+
+
+def _body(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, float]:
+    """The share of the body that each of the problem's leg.body.legs carries, one unless it says so: an equal part of the
+    robot, less one leg."""
+    own = leg.get("body")
+    stated = own if isinstance(own, Mapping) else {}
+    if "mass" in stated:
+        return {}
+    legs = stated.get("legs", 1.0)
+    count = (
+        float(legs) if _moderate(legs) and legs >= 1 else 1.0
+    )  # what else it may be is reported with the other entries
+    leg_mass = sum(item.mass for item in found.links)
+    share = (found.body_mass + leg_mass) / count - leg_mass
+    if share <= 0:
+        robot = f"{count:g} legs of {leg_mass:.3g} kg weigh more than the robot of {found.body_mass + leg_mass:.3g} kg"
+        report.add("leg.body.legs", f"= {shown(legs)} leaves no body: {robot} in {report.urdf}")
+        report.unreadable = True
+    return {"mass": share, "legs": count}
 
 
 def _name(link: str, taken: tuple[str, ...]) -> str:
