@@ -16,6 +16,13 @@ GRAVITY = 9.81  # [m/s^2], on earth
 class Contact(Section):
     friction: float | None = quantity("friction coefficient (none: the foot never slips)", "1", 0, 10, None)
     least_force: float = quantity("vertical ground force that stance keeps at least", "N", 0, 1e4, 0.0)
+    force_rate: float | None = quantity(
+        "how fast the vertical ground force changes at most in stance, up or down (none: no limit)",
+        "N/s",
+        1e-2,
+        1e9,
+        None,
+    )
 
 
 Angle = Annotated[float, Field(ge=-7, le=7, allow_inf_nan=False)]  # rad

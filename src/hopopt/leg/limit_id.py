@@ -21,6 +21,7 @@ class Kind(Enum):
     ANGLE = "angle"
     HEIGHT = "height above ground"
     GROUND_FORCE = "ground force"
+    FORCE_RATE = "ground force rate"
     FRICTION = "friction cone"
     DESCENT = "body never descends"
     CLEARANCE = "clearance"

@@ -17,6 +17,7 @@ from hopopt.design.parameters import own_entry, own_numbers
 from hopopt.errors import UsageError
 from hopopt.extensions import function
 from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.ocp.drives import changing
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
@@ -29,13 +30,23 @@ Function = TypeVar("Function", bound=Callable[..., Any])  # the user's
 
 
 @dataclass(frozen=True)
+class Rates:
+    """How fast a, tau and f of a moment change, each as there: [m/s^3, rad/s^3], [N m/s], [N/s]."""
+
+    a: Any
+    tau: Any
+    f: Any
+
+
+@dataclass(frozen=True)
 class Moment:
     """The whole leg at one instant, as CasADi expressions (SI): ``t`` since the phase began, ``phase``; q, v, a of body
     x, z and joints; joint torques tau; points: name -> (x, z) of every joint, "foot" and "com"; com_v; ground force f
     along x (y, if the leg leaves the plane) and z: f[-1] is its vertical part.
 
     p: numbers of the user's own by name (``parameters`` of the problem). At the end of the hop there is no a, tau or f;
-    ``lift_off`` is the last instant of stance, ``t`` the whole duration.
+    ``lift_off`` is the last instant of stance, ``t`` the whole duration. rates: how fast a, tau and f change, where the motors'
+    torques are of limited rate.
     """
 
     t: Any
@@ -47,6 +58,7 @@ class Moment:
     a: Any = None
     tau: Any = None
     f: Any = None
+    rates: Rates | None = None
     lift_off: "Moment | None" = None
     p: Mapping[str, Any] = field(default_factory=dict)
 
@@ -135,6 +147,8 @@ class Custom:
 
 
 def _hint(error: BaseException) -> str:
+    if "NoneType" in str(error) and "has no attribute" in str(error):
+        return " (rates are there where no torque can jump: give leg.motor.torque_rate; and not at the end of the hop)"
     if "NoneType" in str(error):
         return " (a, tau and f are not there at the end of the hop: use objective(running=True))"
     if "__bool__" in str(error) or "truth value" in str(error).lower() or "nonzero" in str(error).lower():
@@ -203,7 +217,8 @@ def moment(hop: MovingLeg, motion: MotionAt, s: Instant) -> Moment:
     def make() -> Moment:
         m = motion(s)
         points, com_v = _points(hop, s, m.q, m.v)
-        return Moment(s.t, phase, m.q, m.v, points, com_v, m.a, m.tau, m.f, p=_own(hop, s.p))
+        rates = Rates(*(changing(hop, s, x) for x in (m.a, m.tau, m.f))) if hop.no_jumps else None
+        return Moment(s.t, phase, m.q, m.v, points, com_v, m.a, m.tau, m.f, rates, p=_own(hop, s.p))
 
     return s.once("moment", make)
 
@@ -232,7 +247,8 @@ def _points(hop: MovingLeg, s: Instant, q: ca.SX, v: ca.SX) -> tuple[dict[str, c
 def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
     """The function, tried on symbols of the hop; UsageError if it does not give what it must, or nothing that moves."""
     at_end = is_objective and not c.terms.running
-    trial = symbols(hop.n, tuple(hop.robot.points), at_end, own_numbers(hop.design), forces=hop.contact_axes)
+    own = own_numbers(hop.design)
+    trial = symbols(hop.n, tuple(hop.robot.points), at_end, own, forces=hop.contact_axes, rates=hop.no_jumps)
     value = c(trial, 1 if is_objective else None)
     if not ca.symvar(value):
         raise UsageError(f"{c.name} does not depend on the hop: it returned {np.array(ca.DM(value)).ravel().tolist()}")
@@ -246,9 +262,11 @@ def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
 
 
 def symbols(
-    n: int, names: tuple[str, ...], at_end: bool, p: Mapping[str, float], phase: str = "stance", forces: int = 2
-) -> Moment:
-    """A moment made of free symbols, for a leg of n joints with points of these names; ``p``: numbers of the user's own."""
+    n: int, names: tuple[str, ...], at_end: bool, p: Mapping[str, float], phase: str = "stance", forces: int = 2,
+    rates: bool = False,
+) -> Moment:  # fmt: skip
+    """A moment made of free symbols, for a leg of n joints with points of these names; ``p``: numbers of the user's own;
+    ``rates``: whether it has them."""
 
     def plain(phase: str, **more: Any) -> Moment:
         points = {name: ca.SX.sym(name, 2) for name in (*names, "com")}
@@ -257,4 +275,6 @@ def symbols(
 
     if at_end:
         return plain("flight", lift_off=plain("stance"))
-    return plain(phase, a=ca.SX.sym("a", n + 2), tau=ca.SX.sym("tau", n), f=ca.SX.sym("f", forces))
+    sizes = {"a": n + 2, "tau": n, "f": forces}
+    faster = Rates(**{name: ca.SX.sym(f"{name} rate", size) for name, size in sizes.items()}) if rates else None
+    return plain(phase, **{name: ca.SX.sym(name, size) for name, size in sizes.items()}, rates=faster)

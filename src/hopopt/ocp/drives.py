@@ -80,10 +80,22 @@ def with_drives(leg: MovingLeg, phase: Phase) -> Phase:
     command = Control(COMMAND, len(states.of), scale=sizes, unit=of_controls, labels=tuple(states.of))
 
     def rates(s: Instant) -> Mapping[str, ca.SX]:
-        found = added_states(leg.leg, s.p).rates(getattr(s, DRIVE), leg.commands(s), s.v)
-        return {**phase.dynamics(s), DRIVE: ca.vertcat(*found)}
+        return {**phase.dynamics(s), DRIVE: _drive_rates(leg, s)}
 
     return replace(phase, states=(*phase.states, own), controls=(*phase.controls, command), dynamics=rates)
+
+
+def changing(leg: MovingLeg, s: Instant, value: ca.SX) -> ca.SX:
+    """How fast an expression of the states of an instant changes as the leg moves [its unit/s]. Without torques that jump, places,
+    speeds, accelerations and forces are such expressions."""
+    moves = {"q": s.v, "v": leg.acceleration(s), DRIVE: _drive_rates(leg, s)}
+    if hasattr(s, "com"):
+        moves |= {"com": s.com_v, "com_v": leg.dynamics(s).fall[leg.falling]}
+    return ca.jtimes(value, ca.vertcat(*[getattr(s, name) for name in moves]), ca.vertcat(*moves.values()))
+
+
+def _drive_rates(leg: MovingLeg, s: Instant) -> ca.SX:
+    return ca.vertcat(*added_states(leg.leg, s.p).rates(getattr(s, DRIVE), leg.commands(s), s.v))
 
 
 def holding_at_the_start(leg: MovingLeg) -> tuple[BoundaryConstraint, ...]:

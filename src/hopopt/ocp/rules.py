@@ -20,13 +20,14 @@ from hopopt.extensions import Registry, arguments
 from hopopt.leg.limit_id import Kind, LimitId, motor_power, torque_rate
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import descent_range
-from hopopt.ocp.drives import asked, bus_power, bus_voltage
+from hopopt.ocp.drives import asked, bus_power, bus_voltage, changing
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE, MovingLeg
 from hopopt.ocp.problem import INF, Instant, PathConstraint
 
 Rule = Callable[[MovingLeg, str], tuple[PathConstraint, ...]]
 LEFT, RIGHT = "left", "right"
 GROUND_FORCE = LimitId(Kind.GROUND_FORCE, key="contact.least_force", unit="N")
+FORCE_RATE = LimitId(Kind.FORCE_RATE, key="contact.force_rate", unit="N/s")
 FRICTION = LimitId(Kind.FRICTION, key="contact.friction", unit="N")
 LEAST_HEIGHT = LimitId(Kind.HEIGHT, key="hop.least_height", unit="m")
 NO_DESCENT = LimitId(Kind.DESCENT, key="hop.counter_movement", unit="m/s")
@@ -119,6 +120,14 @@ def steepness(axes: int) -> float:
     return 1.0 if axes == 2 else 1 / np.sqrt(2)
 
 
+def force_rates(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
+    """The vertical ground force changes no faster than its limit: -1 <= its rate / contact.force_rate <= 1."""
+    most, motion = leg.design.contact.force_rate, leg.motion_in(kind)
+    if kind != STANCE or most is None:
+        return ()
+    return (PathConstraint(FORCE_RATE, lambda s: changing(leg, s, motion(s).f[-1]) / most, -1.0, 1.0, scale=2.0),)
+
+
 def heights(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     """Points of the leg at least hop.least_height above the ground [m]; the foot in flight alone, and at least 0."""
     hop, motion = leg.design.hop, leg.motion_in(kind)
@@ -145,7 +154,16 @@ def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     return (PathConstraint(NO_DESCENT, lambda s: motion(s).v[1], 0.0, INF, descent_range(leg.leg), unit="m/s"),)
 
 
-BUILT_IN: tuple[Rule, ...] = (drives, mechanical_power, torque_rates, supply, ground, heights, counter_movement)
+BUILT_IN: tuple[Rule, ...] = (
+    drives,
+    mechanical_power,
+    torque_rates,
+    supply,
+    ground,
+    force_rates,
+    heights,
+    counter_movement,
+)
 RULES: Registry[Any] = Registry(
     "constraint", {}
 )  # of the user's own: such rules, or functions of an instant (custom.py)

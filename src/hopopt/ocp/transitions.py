@@ -41,7 +41,7 @@ def lift_off(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstrain
 
 def _foot_comes_off(leg: MovingLeg, phase: str) -> tuple[BoundaryConstraint, ...]:
     """The foot does not begin flight downwards, where no torque can jump: the heights of a phase follow from it, but late."""
-    if len(leg.drive_states.limited) < leg.n:
+    if not leg.no_jumps:
         return ()
 
     def acceleration(e: Ends) -> ca.SX:

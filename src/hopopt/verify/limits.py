@@ -16,6 +16,7 @@ from hopopt.verify.table import DESCENT, STANCE, STANDING
 LIMIT_KINDS = (  # kinds of limits of a phase that are looked at here
     Kind.REGION, Kind.ANGLE, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
     Kind.WINDOW, Kind.SUPPLY, Kind.MOTOR_POWER, Kind.TORQUE_RATE,
+    Kind.FORCE_RATE,
 )  # fmt: skip
 
 
@@ -36,11 +37,12 @@ def limits_of(
     phase: str,
     motion: tuple[np.ndarray, ...],
     window: bool,
-    rate: np.ndarray | None = None,
+    rates: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[LimitId, np.ndarray]:
     """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
     q, v (k, 2 + n), tau (k, n) that the motors are asked for, f (k, 2); one value for those of its end;
-    ``window``: the foot's window is one; rate (k, n) [N m/s] of tau, if it is to be looked at."""
+    ``window``: the foot's window is one; rates of tau (k, n) [N m/s] and f (k, 2) [N/s], if they
+    are to be looked at."""
     (q, v, tau, f), contact = motion, phase in STANDING
     columns = list(tau.T), list(v[:, BASE:].T)
     voltage = voltage_share(design.leg, robot.parameters, *columns) if design.leg.supply else None
@@ -54,9 +56,12 @@ def limits_of(
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]
         found[LimitId(Kind.ANGLE, joint)] = np.maximum(low - angle, angle - high) / (high - low)
-    if rate is not None:
+    if rates is not None:
+        most_of_force = design.contact.force_rate
+        if contact and most_of_force is not None:
+            found[LimitId(Kind.FORCE_RATE)] = (np.abs(rates[1][:, -1]) / most_of_force - 1.0) / 2
         for k, most in added_states(design.leg, robot.parameters).limited.items():
-            found[torque_rate(design.leg, robot.joints[k])] = (np.abs(rate[:, k]) / most - 1.0) / 2
+            found[torque_rate(design.leg, robot.joints[k])] = (np.abs(rates[0][:, k]) / most - 1.0) / 2
     drawn = power_drawn(design.leg, robot.parameters, *columns) if design.leg.supply else 0.0
     for entry, most in power_limits(design.leg, robot.parameters).items():
         found[LimitId(Kind.SUPPLY, entry.replace("_", " "), f"supply.{entry}", "W")] = drawn / most - 1.0

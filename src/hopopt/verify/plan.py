@@ -179,10 +179,10 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
     """Every limit at 25 normalised times of every interval, its excess as a share of the limit's range."""
     between = {
         name: dense(NORMALISED_TIMES, getattr(table, name), BETWEEN)
-        for name in ("t", "q", "v", "asked", "f", "asked_rate")
+        for name in ("t", "q", "v", "asked", "f", "asked_rate", "force_rate")
     }
-    t, *motion, rate = (x.reshape(-1, *x.shape[2:]) for x in between.values())
-    for limit, excess in limits_of(machine, robot, design, phase, tuple(motion), window, rate).items():
+    t, *motion, of_torque, of_force = (x.reshape(-1, *x.shape[2:]) for x in between.values())
+    for limit, excess in limits_of(machine, robot, design, phase, tuple(motion), window, (of_torque, of_force)).items():
         at = int(np.argmax(excess))
         where = f"at {t[at] if len(excess) == len(t) else t[-1]:.4f} s"
         yield Check(limit_words(phase, limit), float(max(excess[at], 0.0)), LIMIT, "of its range", where)

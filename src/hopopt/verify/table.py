@@ -43,7 +43,16 @@ class Table:
     @property
     def asked_rate(self) -> np.ndarray:
         """How fast what the motors are asked for changes (N, K, n) [N m/s], of its polynomial in each interval."""
-        return (TO_RATES @ self.asked) / (self.t[:, -1] - self.t[:, 0])[:, None, None]
+        return self.rate(self.asked)
+
+    def rate(self, values: np.ndarray) -> np.ndarray:
+        """How fast values (N, K, m) at its instants change (N, K, m) [their unit/s], of their polynomial in each interval."""
+        return (TO_RATES @ values) / (self.t[:, -1] - self.t[:, 0])[:, None, None]
+
+    @property
+    def force_rate(self) -> np.ndarray:
+        """How fast the contact force changes (N, K, 2) [N/s]."""
+        return self.rate(self.f)
 
     def flat(self, *names: str) -> list[np.ndarray]:
         """Arrays by name, the instants of all intervals one after the other, (N K, ...) each."""

@@ -64,6 +64,16 @@ class MovingLeg:
                 raise UsageError(
                     f"{design.name}: this leg closes a loop with its guides in stance, where drives cannot have states of their own"
                 )
+        if design.contact.force_rate is not None and not self.no_jumps:
+            raise UsageError(
+                f"{design.name}: contact.force_rate needs torques that cannot jump, nor forces with them: give "
+                "leg.motor.torque_rate too"
+            )
+
+    @property
+    def no_jumps(self) -> bool:
+        """Whether no torque can jump: all are states, whose rates are limited."""
+        return len(self.drive_states.limited) == self.n
 
     @cached_property
     def numbers(self) -> dict[str, float]:
@@ -136,6 +146,10 @@ class MovingLeg:
     def flight_motion(self, s: Instant) -> LegMotion:
         """The whole leg in flight."""
         return s.once("motion", lambda: self._flying(s, self.flight_acceleration(s)))
+
+    def acceleration(self, s: Instant) -> ca.SX:
+        """Of all joints (n) [rad/s^2], at an instant of any phase."""
+        return self.flight_acceleration(s) if hasattr(s, "com") else self.joint_acceleration(s)
 
     def flight_acceleration(self, s: Instant) -> ca.SX:
         """Of all joints in flight (n) [rad/s^2]: the controls, and what drives with states of their own make the others do."""

@@ -133,7 +133,11 @@ def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
 
 
 def _rates(plan: Motion) -> Iterator[Use]:
-    """Limits of how fast motors' torques change."""
+    """Limits of how fast motors' torques and the ground force change."""
+    if (most := plan.design.contact.force_rate) is not None:
+        rates = [np.abs(plan.tables[phase].force_rate[..., -1]).max() for phase in plan.tables if phase in ON_GROUND]
+        used = float(max(rates)) / most
+        yield Use(Kind.FORCE_RATE.value, (), "contact.force_rate", most, used, used * most)
     leg = plan.design.leg
     for k, most in added_states(leg, plan.robot.parameters).limited.items():
         joint = plan.robot.joints[k]

@@ -26,7 +26,7 @@ from hopopt.verify.check import Condition
 
 SLIGHT = 1e-6  # [the objective's unit] on the paper's leg: what a limit may gain without being named
 BOUNDED = (  # limits whose range is their bound
-    Kind.REGION, Kind.MOTOR_POWER, Kind.TORQUE_RATE, Kind.WINDOW, Kind.LANDING_WINDOW, Kind.IMPULSE, Kind.IMPACT_LOSS, Kind.FOOT_SPEED, Kind.GEAR_IMPACT,
+    Kind.REGION, Kind.MOTOR_POWER, Kind.TORQUE_RATE, Kind.FORCE_RATE, Kind.WINDOW, Kind.LANDING_WINDOW, Kind.IMPULSE, Kind.IMPACT_LOSS, Kind.FOOT_SPEED, Kind.GEAR_IMPACT,
 )  # fmt: skip
 
 

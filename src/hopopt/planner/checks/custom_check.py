@@ -7,6 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.leg.robot import Robot
 from hopopt.ocp.custom import CUSTOM_PHASES, Custom, Moment, symbols
 from hopopt.ocp.objectives.objective import HopObjective
@@ -74,13 +75,17 @@ def along(
     numbers: Mapping[str, float] = NO_NUMBERS,
 ) -> np.ndarray:
     """The function's values (N, k, m) at the same normalised times of every interval."""
-    m = symbols(len(robot.joints), tuple(robot.points), False, numbers, kind(phase), table.f.shape[-1])
-    function = ca.Function("along", [*_inputs(m), m.a, m.tau, m.f], [ca.densify(c(m))])
+    changing = len(added_states(robot.leg, robot.parameters).limited) == len(robot.joints)
+    m = symbols(len(robot.joints), tuple(robot.points), False, numbers, kind(phase), table.f.shape[-1], changing)
+    more, forces = [m.a, m.tau, m.f], [table.a, table.tau, table.f]
+    if m.rates is not None:
+        more, forces = [*more, m.rates.a, m.rates.tau, m.rates.f], [*forces, *map(table.rate, forces)]
+    function = ca.Function("along", [*_inputs(m), *more], [ca.densify(c(m))])
     machine, at = Machine(robot), normalised_times_of(table)
-    arrays = [dense(at, getattr(table, name), normalised_times) for name in ("t", "q", "v", "a", "tau", "f")]
-    t, q, v, a, tau, f = (x.reshape(-1, *x.shape[2:]) for x in arrays)
+    arrays = [dense(at, values, normalised_times) for values in (table.t, table.q, table.v, *forces)]
+    t, q, v, *rest = (x.reshape(-1, *x.shape[2:]) for x in arrays)
     begin = table.t[0, 0]
-    rows = [[*_numbers(machine, t[k] - begin, q[k], v[k]), a[k], tau[k], f[k]] for k in range(len(t))]
+    rows = [[*_numbers(machine, t[k] - begin, q[k], v[k]), *(x[k] for x in rest)] for k in range(len(t))]
     columns = [np.array(column).reshape(len(t), -1).T for column in zip(*rows, strict=True)]
     found = np.array(function.map(len(t))(*columns)).T
     return found.reshape(len(table.t), len(normalised_times), -1)
