@@ -21,6 +21,7 @@ PARTS = {  # of the site, in the order in which they are read
     "Begin": ("start", "model", "glossary", "limits", "performance"),
     "Your own leg": (
         "own_leg",
+        "body",
         "actuators",
         "drives",
         "rates",

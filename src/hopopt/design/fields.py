@@ -28,6 +28,7 @@ RESERVED = (
     "foot_frame",
     "foot_point",
     "locked",
+    "geometry",
 )
 RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names
 CATALOGUE = "catalogue entry these values began with; what it leaves open, a joint does not take from the leg's"

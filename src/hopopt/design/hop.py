@@ -105,6 +105,10 @@ class HopSettings(Section):
         "what stays above the ground: any joint (at the top of its link), 'foot'; default, and []: all of them", ()
     )
     least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)
+    may_collide: bool | None = choice(
+        "whether a hop in which the leg meets the body, or itself, may be an answer, by their shapes (default: it may not)",
+        None,
+    )
     pause: float | None = quantity(
         "without current before the next hop: motors then are as hot as hopping on for ever makes them (default: the hop is "
         "one from cold)", "s", 0, 1e5, None,

@@ -25,9 +25,11 @@ from hopopt.design.fields import (
     named,
     quantity,
 )
+from hopopt.design.geometry.shape import Shape
 from hopopt.design.hop import GRAVITY
 
 PAPERS_LENGTH = 0.38 + 0.361  # [m] of the paper's leg
+Shapes = dict[str, Shape]  # by name
 LEAST_INERTIA = 1e-8  # [kg m^2] of a link: what a point mass is given
 
 
@@ -37,6 +39,7 @@ class Body(Section):
         "equal legs that carry the body, push together and mirror each other; from a URDF its mass is shared among them",
         "1", 1, 100, None,
     )  # fmt: skip
+    shapes: Shapes | None = choice("solids of the body by name: [leg.body.shapes.trunk] (docs/body.md)", None)
 
 
 class Link(Section):
@@ -57,6 +60,8 @@ class Link(Section):
         "moments xx, yy, zz and products xy, xz, yz of inertia about the centre of mass, all joint angles zero, "
         "in place of inertia", None, unit="kg m^2",
     )  # fmt: skip
+    radius: float | None = quantity("of the link, round about the line from its joint to the next", "m", 1e-4, 1, None)
+    shapes: Shapes | None = choice("solids of the link by name, as of the body", None)
 
 
 class Motor(Section):

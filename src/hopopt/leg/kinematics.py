@@ -23,12 +23,19 @@ WINDOW_PENALTY = 1e3  # height [m] that a pose is thought worse for each metre b
 def joint_positions(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
     """Positions (x, y, z) [m] of every joint and of the foot relative to the body, shape (..., n + 1, 3), for joint
     angles q_j (..., n) [rad]."""
+    return np.stack(joint_frames(leg, q_j)[0], axis=-2)
+
+
+def joint_frames(leg: Leg, q_j: Sequence[float] | np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Positions (..., 3) [m] of every joint and of the foot from the body, and rotations (..., 3, 3) of every joint, for
+    joint angles q_j (..., n) [rad]."""
     q = np.asarray(q_j, dtype=float)
-    turn, points = np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)), [np.zeros((*q.shape[:-1], 3))]
+    turn, points, turns = np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)), [np.zeros((*q.shape[:-1], 3))], []
     for k, (joint, link) in enumerate(zip(leg.joints, leg.links, strict=True)):
         turn = turn @ _rotation(unit(leg.joint[joint].axis), q[..., k])
         points.append(points[-1] + turn @ _vector(leg, link))
-    return np.stack(points, axis=-2)
+        turns.append(turn)
+    return points, turns
 
 
 def _rotation(axis: Sequence[float], angle: np.ndarray) -> np.ndarray:

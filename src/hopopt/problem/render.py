@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from hopopt.design import Design
+from hopopt.design.geometry.shape import Shape
 from hopopt.design.problem import OwnParameter
 from hopopt.leg.scales import reserve_of
 
@@ -99,9 +100,10 @@ def _rows(path: str, section: BaseModel) -> Iterator[Row]:
             yield from _rows(here, value)
         elif isinstance(value, dict):  # leg.joint and leg.link: their tables sit in [leg] itself
             for key, item in value.items():
-                yield from _rows(f"{path or name}.{key}", item)
+                yield from _rows(f"{path if name in ('joint', 'link') else here}.{key}", item)
         elif value is not None or not (
-            name in ("motor", "gear", "supply", "environment", "needs", "parameters", "ipopt")
+            name in ("motor", "gear", "supply", "environment", "needs", "parameters", "ipopt", "shapes", "radius")
+            or isinstance(section, Shape)
             or "Overrides" in type(section).__name__
         ):
             unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""

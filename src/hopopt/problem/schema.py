@@ -32,6 +32,7 @@ URDF_ENTRIES = {
     "foot_frame": "link of the URDF whose origin touches the ground",
 }
 FOOT_POINT = "point of the foot that touches the ground, in the frame of foot_frame (default: its origin) [m]"
+GEOMETRY = "whether the solids that the URDF states for collisions are the shapes of body and links (default: false)"
 LOCKED = "joints of the URDF that do not move, each at its angle [rad]"
 NAMED_PART = "a joint or a link of the leg, by its name"
 Schema = dict[str, Any]
@@ -117,6 +118,7 @@ def _open(leg: Schema) -> None:
     leg["properties"]["foot_point"] = {
         "type": "array", "items": number, "minItems": 3, "maxItems": 3, "description": FOOT_POINT,
     }  # fmt: skip
+    leg["properties"]["geometry"] = {"type": "boolean", "description": GEOMETRY}
     leg["properties"]["locked"] = {
         "type": "object", "additionalProperties": {"type": "number"}, "description": LOCKED,
     }  # fmt: skip

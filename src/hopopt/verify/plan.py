@@ -6,6 +6,7 @@ planner, nothing else.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from hopopt.leg.scales import Scale, weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE_TOLERANCE, LIMIT, Check
 from hopopt.verify.drives import drive_checks, drives_go_on
+from hopopt.verify.hops.collision import collision_checks
 from hopopt.verify.hops.heat import heat_checks
 from hopopt.verify.hops.landing import landed_checks, landing, lift_off
 from hopopt.verify.hops.periodic import SMALL, periodic_checks
@@ -54,7 +56,8 @@ def verify_plan(
         checks.append(Check("clearance asked for", max(missing, 0.0), EXACT, "m"))
     for name, table in tables.items():
         checks += phase_checks(machine, robot, design, name, table, windowed(design, name, ends))
-    return [*checks, *drives_go_on(machine, design, tables), *heat_checks(design, robot, tables)]
+    more = (drives_go_on(machine, design, tables), heat_checks(design, robot, tables), collision_checks(design, tables))
+    return [*checks, *chain.from_iterable(more)]
 
 
 def phase_checks(

@@ -6,6 +6,7 @@ from hopopt.design import GRAVITY, Environment
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.motion import at_apex
+from hopopt.verify.hops.collision import Collision
 from hopopt.verify.hops.heat import JointHeat
 from hopopt.verify.whole_hop import SHARPER
 
@@ -40,9 +41,22 @@ def hop_lines(s: Summary, around: Environment) -> list[str]:
         *box,
         *drive_lines(s),
         *heat_lines(s),
+        *nearest_lines(s.collision),
         *orbit_lines(s, around.gravity),
         *_where(around),
     ]
+
+
+def nearest_lines(c: Collision | None) -> list[str]:
+    """How near the leg comes to the body or to itself; nothing of a leg without shapes."""
+    if c is None:
+        return []
+    one, other = c.between
+    gap = f"at {1000 * c.least_distance_m:.1f} mm"
+    if c.least_distance_m < 0:
+        gap = f"inside it by {-1000 * c.least_distance_m:.1f} mm"
+    beside = f" (not counted, as they touch at their joint: {', '.join(c.left_out)})" if c.left_out else ""
+    return [f"nearest: {one} passes {other} {gap}, at {c.time_s:.3f} s{beside}"]
 
 
 def drive_lines(s: Summary) -> list[str]:

@@ -38,10 +38,13 @@ class Visual:
     size: tuple[float, ...]
 
 
-def visuals(raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: Mapping[str, float]) -> list[Visual]:
+def visuals(
+    raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: Mapping[str, float], what: str = "visual"
+) -> list[Visual]:
     """How the moving links look, what is fixed to them, and the links from the root to the first joint; no other limbs.
 
     raw: the URDF. folder: where it lies, for its meshes. joints, foot, locked: as ``read_leg`` takes them.
+    what: "visual", or "collision" for what collides, of all limbs.
     Raises UrdfError.
     """
     tree = Tree(root_of(raw))
@@ -55,13 +58,13 @@ def visuals(raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: 
     for name, link in tree.links.items():
         frame = model.frames[link_frame(model, name)]
         joint = order.index(frame.parentJoint) if frame.parentJoint in order else BODY
-        if joint == BODY and name not in above:
+        if joint == BODY and name not in above and what == "visual":
             continue
         turn = data.oMi[frame.parentJoint].rotation
         rotation, position = turn @ frame.placement.rotation, turn @ frame.placement.translation
         if joint == BODY:
             position = data.oMf[link_frame(model, name)].translation - hip
-        for visual in link.iter("visual"):
+        for visual in link.iter(what):
             shape = _shape(visual, folder)
             if shape is not None:
                 origin = visual.find("origin")

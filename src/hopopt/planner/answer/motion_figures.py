@@ -17,6 +17,7 @@ from hopopt.planner.motion import Motion, Samples
 from hopopt.record import Real, Strict, if_any, stated
 from hopopt.verify.check import LIMIT
 from hopopt.verify.drives import JointLosses, SupplyFigures, losses, supply_figures
+from hopopt.verify.hops.collision import Collision, collision
 from hopopt.verify.hops.heat import JointHeat, heat_figures
 from hopopt.verify.upper_bound import UpperBound, upper_bound
 
@@ -243,6 +244,10 @@ class MotionFigures:
     heat: Mapping[str, JointHeat] | None = if_any(
         "how hot each joint's motor gets, and its torque in the mean, where the problem has thermal entries",
         lambda m: heat_figures(m.plan.design, m.plan.robot, m.plan.tables),
+    )
+    collision: Collision | None = if_any(
+        "how near the leg comes to the body or to itself, where the problem says what shape they have",
+        lambda m: collision(m.plan.design, m.plan.tables),
     )
     idle_limits: Mapping[str, IdleLimit] = stated("limits that never act", lambda m: idle_limits(m.plan, m.fine))
     orbit: Orbit | None = if_any("the cycle of a periodic hop", lambda m: orbit(m.plan))

@@ -4,6 +4,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import SolverError
+from hopopt.leg.geometry.solids import has_shape
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.directions.flat_directions import Flat, NotInvertible, flat
@@ -30,10 +31,10 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
     if goal.ends != "required clearance" and (asked_for := best.design.hop.clearance) is not None:
         notes.append(f"hop.clearance = {asked_for:g} plays no part: the objective {goal.name} asks for no height")
     over = float(best.apex.points["foot"][0, 1] - best.apex.q[0, 1])
-    if over > 0:
+    if over > 0 and not has_shape(hop.design.leg):
         notes.append(
             f"the foot ends {over:.2f} m above the hip: the body is a point here, and no link is in its way (limits of the "
-            "joints' angles can forbid it)"
+            "joints' angles can forbid it; leg.geometry or leg.body.shapes say what is, docs/body.md)"
         )
     weighs = best.summary.tie_break_weighs
     if (np.inf if best.summary.impact_J is None else best.summary.impact_J) < 1e-3 * weighs:

@@ -13,6 +13,7 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import drive_rules, entry_rules, heat_rules, loss_rules, start_rules, stated_once
 from hopopt.problem.checking.wording import allowed, did_you_mean, hint, is_number
 from hopopt.problem.render import shown, shown_path
+from hopopt.problem.shapes.rules import shape_rules
 from hopopt.problem.urdf.leg import ENTRIES
 
 NEEDED = {  # what to write where a whole section is missing
@@ -45,6 +46,7 @@ def check(data: dict[str, Any], report: Report, without_modules: bool = False) -
 
     if leg := sound("leg"):
         drive_rules(leg, report)
+        shape_rules(leg, report)
     if design and sound("leg"):
         heat_rules(design.leg, design.ambient, report)
     if (leg := sound("leg")) and (simulation := sound("simulation")):

@@ -19,9 +19,10 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import is_number
 from hopopt.problem.reading import beside
 from hopopt.problem.render import shown, shown_path
+from hopopt.problem.shapes.collision import GEOMETRY, with_shapes
 from hopopt.problem.urdf.rules import urdf_rules
 
-ENTRIES = ("urdf", "foot_frame", "foot_point", "locked")  # of [leg], besides what a leg without a URDF has
+ENTRIES = ("urdf", "foot_frame", "foot_point", "locked", GEOMETRY)  # of [leg], besides what a leg without a URDF has
 FURTHEST_POINT = 3.0  # m, as a link's length
 ROBOTS = "example-robot-data"  # package of public robots; a path that begins with its name lies in it
 ROBOTS_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
@@ -85,6 +86,7 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
     try:
         raw, point = read_regular(path, MAX_BYTES + 1), given.get("foot_point", (0.0, 0.0, 0.0))
         found = read_leg(raw, rest["joints"], given["foot_frame"], given.get("locked", {}), point)
+        tables = with_shapes(_tables(found, rest, report), raw, path.parent, rest["joints"], given)
     except OSError as error:
         report.unusable(f"{shown_path(path.name)} cannot be read: {error.strerror}")
     except UrdfError as error:
@@ -119,6 +121,8 @@ def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: Report) ->
     elif not _is_point(point := given.get("foot_point", (0.0, 0.0, 0.0))):
         words = f"three numbers from {-FURTHEST_POINT:g} to {FURTHEST_POINT:g} m are needed, in the frame of {foot}"
         report.add("leg.foot_point", f"= {shown(point)} is not allowed: {words}, such as [0.12, 0.0, -0.04]")
+    elif not isinstance(given.get(GEOMETRY, False), bool):
+        report.add(f"leg.{GEOMETRY}", f"= {shown(given[GEOMETRY])} is not allowed: true or false is needed")
     elif not isinstance(locked, Mapping) or not all(map(_moderate, locked.values())):
         report.add(
             "leg.locked", "takes names of joints with the angle [rad] they are held at: locked = {hip_yaw = 0.0}"

@@ -1,0 +1,119 @@
+"""What collides by a URDF: boxes, cylinders, spheres and meshes of the leg and of the body, as hulls of points.
+
+A mesh counts by its convex hull, of which the points that matter most are kept; the hull of these is rounded by as much as
+the others lie outside of it. So every solid holds the whole of what the URDF states, and little more.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from hopopt.leg.files.urdf_visuals import BODY, Visual, visuals
+from hopopt.leg.files.urdf_xml import UrdfError, quoted
+from hopopt.leg.geometry.hulls import coal, convex
+
+LARGEST_MESH = 100_000_000  # bytes
+MOST_POINTS = 120  # of a mesh's hull that are kept
+CLOSE = 5e-4  # m: a hull from which no point of the mesh lies farther is as good as the whole
+SIDES = 16  # of the prism about a cylinder, at most 2 % of its radius wider
+DIGITS = 5  # of a place in metres
+AWAY = 1.5  # times the leg's reach from its first joint, beyond which none of its links comes
+
+Found = dict[int, dict[str, dict[str, Any]]]  # by the number of the joint that moves them, by name: entries of a shape
+
+
+def collision_shapes(
+    raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: Mapping[str, float], reach: float
+) -> Found:
+    """The shapes of the body (BODY) and of the links, in the frames that ``Visual`` names.
+
+    raw, folder, joints, foot, locked: as ``visuals`` takes them. reach: of the leg [m].
+    Raises UrdfError if a mesh is not there, or is none.
+    """
+    found: Found = {}
+    for look in visuals(raw, folder, joints, foot, locked, "collision"):
+        points, radius = _hull(look)
+        points = points @ look.rotation.T + look.position
+        if look.joint == BODY and np.linalg.norm(points, axis=1).min() - radius > AWAY * reach:
+            continue
+        shapes = found.setdefault(look.joint, {})
+        rounding = np.sqrt(3) * 0.5 * 10.0**-DIGITS if radius or len(points) > len(_BOX) else 0.0
+        shapes[_name(look.link, shapes)] = {
+            "points": tuple(tuple(float(x) + 0.0 for x in row) for row in points.round(DIGITS)),
+            "radius": round(float(radius + rounding), DIGITS + 1),
+        }
+    return found
+
+
+def _name(link: str, taken: Mapping[str, Any]) -> str:
+    """The link's name as a shape may have it; numbered where it has several."""
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", link)[:56].lstrip("-") or "link"
+    numbered = (f"{name}_{k}" for k in range(2, len(taken) + 3))
+    return next(candidate for candidate in (name, *numbered) if candidate not in taken)
+
+
+_BOX = np.array(list(product((-0.5, 0.5), repeat=3)))
+
+
+def _hull(look: Visual) -> tuple[np.ndarray, float]:
+    """Points (k, 3) [m] in the solid's own frame, and the radius [m] that rounds their hull."""
+    if look.shape == "sphere":
+        return np.zeros((1, 3)), look.size[0]
+    if look.shape == "box":
+        return _BOX * look.size, 0.0
+    if look.shape == "cylinder":
+        radius, length = look.size
+        turn = 2 * np.pi * np.arange(SIDES) / SIDES
+        ring = radius / np.cos(np.pi / SIDES) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        return np.array([(*place, z) for z in (-0.5 * length, 0.5 * length) for place in ring]), 0.0
+    return fewer(_mesh(look))
+
+
+def _mesh(look: Visual) -> np.ndarray:
+    """Corners (k, 3) [m] of the hull of a mesh."""
+    if look.file is None:
+        raise UrdfError(
+            f"has a collision mesh of link {quoted(look.link)} that is not beside it: put its meshes there, or leave out leg.geometry"
+        )
+    try:
+        if look.file.stat().st_size > LARGEST_MESH:
+            raise UrdfError(f"has a collision mesh of link {quoted(look.link)} of more than {LARGEST_MESH} bytes")
+        mesh = coal.MeshLoader().load(str(look.file), np.array(look.size))
+        corners = np.array(mesh.vertices(), dtype=float)
+        return corners[ConvexHull(corners).vertices]
+    except (ValueError, RuntimeError, OSError, QhullError) as error:
+        if isinstance(error, UrdfError):
+            raise
+        raise UrdfError(f"has a collision mesh of link {quoted(look.link)} that cannot be read as a solid") from None
+
+
+def fewer(corners: np.ndarray) -> tuple[np.ndarray, float]:
+    """At most MOST_POINTS of the corners (k, 3) [m] of a hull, and how far the others lie outside their hull [m]."""
+    if len(corners) <= MOST_POINTS:
+        return corners, 0.0
+    axes = np.vstack([np.eye(3), -np.eye(3), np.array(list(product((-1, 1), repeat=3)))])
+    chosen = sorted({int(k) for k in (corners @ axes.T).argmax(axis=0)})
+    while len(chosen) < MOST_POINTS:
+        planes = ConvexHull(corners[chosen], qhull_options="QJ").equations
+        outside = corners @ planes[:, :3].T + planes[:, 3]
+        worst = sorted({int(k) for k in outside.argmax(axis=0)} - set(chosen), key=lambda k: -outside[k].max())
+        worst = [k for k in worst if outside[k].max() > CLOSE]
+        if not worst:
+            break
+        chosen += worst[: min(MOST_POINTS - len(chosen), len(chosen))]
+    return corners[chosen], _farthest(corners[chosen], corners)
+
+
+def _farthest(points: np.ndarray, corners: np.ndarray) -> float:
+    """The greatest distance [m] of corners from the hull of points, by coal."""
+    hull, dot = convex(points), coal.Sphere(0.0)
+    at = [coal.Transform3s(np.eye(3), corner) for corner in corners]
+    request = coal.DistanceRequest()
+    return max(
+        0.0, *(coal.distance(hull, coal.Transform3s(), dot, place, request, coal.DistanceResult()) for place in at)
+    )

@@ -1,0 +1,89 @@
+"""The solids of a leg: each the hull of points, rounded by a radius, fixed to the body or to a link."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from hopopt.design import Leg
+from hopopt.design.geometry.shape import Shape
+from hopopt.leg.kinematics import joint_frames, joint_positions, reach
+
+BODY = -1  # the joint of what does not move with any
+BESIDE = 2.0  # of the leg's reach: half the width of a polygon, which nothing passes beside
+ROUND = 24  # corners of a circle in an outline
+
+
+@dataclass(frozen=True)
+class Solid:
+    """The hull of points, rounded by a radius.
+
+    name: of the shape, which is that of a URDF's link, or of the leg's link
+    joint: number of the joint that moves it, from the body down, or BODY
+    points: (k, 3) [m] from that joint, of the body's from the first joint, axes the robot's when all angles are zero
+    radius: by which the hull is rounded outwards [m]
+    """
+
+    name: str
+    joint: int
+    points: np.ndarray
+    radius: float
+
+
+def has_shape(leg: Leg) -> bool:
+    """Whether the problem says what shape the body or a link of the leg has."""
+    return bool(leg.body.shapes) or any(link.shapes or link.radius for link in leg.link.values())
+
+
+def solids(leg: Leg) -> tuple[Solid, ...]:
+    """All solids of a leg: the body's, then those of each link."""
+    return tuple(_solids(leg))
+
+
+def _solids(leg: Leg) -> Iterator[Solid]:
+    width = BESIDE * reach(leg)
+    for name, shape in (leg.body.shapes or {}).items():
+        yield Solid(name, BODY, corners(shape, width), shape.radius)
+    ends = np.diff(joint_positions(leg, np.zeros(len(leg.joints))), axis=0)
+    for k, link in enumerate(leg.links):
+        entry = leg.link[link]
+        if entry.radius:
+            yield Solid(link, k, np.array([np.zeros(3), ends[k]]), entry.radius)
+        for name, shape in (entry.shapes or {}).items():
+            yield Solid(name, k, corners(shape, width), shape.radius)
+
+
+def corners(shape: Shape, width: float) -> np.ndarray:
+    """The points (k, 3) [m] of which a shape is the hull; ``width`` [m]: half that of a polygon."""
+    if shape.box is not None:
+        found = np.array(list(product((-0.5, 0.5), repeat=3))) * shape.box
+    elif shape.polygon is not None:
+        found = np.array([(x, y, z) for x, z in shape.polygon for y in (-width, width)])
+    else:
+        found = np.array(shape.points)
+    return found + np.array(shape.at)
+
+
+def placed(leg: Leg, solid: Solid, q_j: np.ndarray) -> np.ndarray:
+    """The points of a solid from the body, (..., k, 3) [m], for joint angles q_j (..., n) [rad]."""
+    if solid.joint == BODY:
+        return np.broadcast_to(solid.points, (*q_j.shape[:-1], *solid.points.shape))
+    places, turns = joint_frames(leg, q_j)
+    return places[solid.joint][..., None, :] + solid.points @ np.swapaxes(turns[solid.joint], -1, -2)
+
+
+def lowest(leg: Leg, solid: Solid, q_j: np.ndarray) -> np.ndarray:
+    """Height (...,) [m] of the lowest point of a solid over the first joint, for joint angles q_j (..., n) [rad]."""
+    return placed(leg, solid, q_j)[..., 2].min(axis=-1) - solid.radius
+
+
+def outline(leg: Leg, solid: Solid, q_j: np.ndarray) -> np.ndarray:
+    """What of a solid is seen from the side: corners (k, 2) x, z [m] of the convex outline from the first joint, at joint
+    angles q_j (n) [rad]."""
+    seen = placed(leg, solid, q_j)[:, [0, 2]]
+    turn = 2 * np.pi * np.arange(ROUND) / ROUND
+    circle = solid.radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = (seen[:, None] + circle).reshape(-1, 2)
+    return points[ConvexHull(points, qhull_options="QJ").vertices]

@@ -1,0 +1,143 @@
+"""The shapes of a leg: distances against minimisation over points and against Pinocchio's own reading of a URDF."""
+
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import minimize
+
+from hopopt import load
+from hopopt.design import Design, Leg
+from hopopt.errors import UsageError
+from hopopt.leg.geometry.distance import Distances
+from hopopt.leg.geometry.solids import Solid, lowest, outline, placed, solids
+from hopopt.problem.render import resolved_toml
+
+SHAPES = """
+[leg.body.shapes.trunk]
+box = [0.5, 0.2, 0.1]
+at = [0.05, 0.02, 0.1]
+[leg.body.shapes.tail]
+points = [[-0.3, 0.0, -0.1], [-0.4, 0.1, 0.0], [-0.3, 0.05, 0.1], [-0.45, 0.0, 0.05], [-0.2, 0.03, 0.0]]
+radius = 0.01
+[leg.thigh]
+radius = 0.04
+[leg.shank.shapes.calf]
+points = [[0.0, 0.0, 0.0], [0.0, 0.02, -0.361]]
+radius = 0.03
+"""
+A1 = "a1_description/urdf/a1.urdf"
+JOINTS, FOOT = ("FL_thigh_joint", "FL_calf_joint"), "FL_foot"
+
+
+def paper_leg(tmp_path: Path, text: str = SHAPES) -> Design:
+    """The paper's leg with shapes."""
+    (tmp_path / "shaped.toml").write_text(f'extends = "paper"\nname = "shaped"\n{text}')
+    return load(tmp_path / "shaped.toml")
+
+
+def between(leg: Leg, one: Solid, two: Solid, q: np.ndarray) -> float:
+    """The distance of two solids that do not overlap: over all mixtures of their points, by SciPy."""
+    a, b = placed(leg, one, q), placed(leg, two, q)
+    weights = np.repeat([1 / len(a), 1 / len(b)], [len(a), len(b)])
+
+    def squared(w: np.ndarray) -> tuple[float, np.ndarray]:
+        apart = w[: len(a)] @ a - w[len(a) :] @ b
+        return float(apart @ apart), 2 * np.concatenate([a @ apart, -b @ apart])
+
+    sums = [
+        {"type": "eq", "fun": lambda w: w[: len(a)].sum() - 1},
+        {"type": "eq", "fun": lambda w: w[len(a) :].sum() - 1},
+    ]
+    found = minimize(squared, weights, jac=True, method="SLSQP", bounds=[(0, 1)] * len(weights), constraints=sums,
+                     options={"ftol": 1e-16, "maxiter": 500})  # fmt: skip
+    return float(np.sqrt(found.fun)) - one.radius - two.radius
+
+
+def test_distances_are_those_of_the_nearest_mixtures_of_points(tmp_path: Path) -> None:
+    leg = paper_leg(tmp_path).leg
+    found = Distances(leg, np.array([0.9, -1.9]))
+    rng, compared = np.random.default_rng(1), 0
+    for q in rng.uniform([-0.6, -2.4], [1.3, -0.15], (8, 2)):
+        for pair, distance in zip(found.pairs, found.all(q[None])[0], strict=True):
+            one, two = (found.solids[k] for k in pair)
+            if distance > 1e-3:
+                compared += 1
+                assert distance == pytest.approx(between(leg, one, two, q), abs=1e-6)
+    assert compared > 10
+
+
+def test_what_touches_at_a_joint_where_the_hop_starts_is_left_out(tmp_path: Path) -> None:
+    """The thigh's and the calf's capsules overlap at the knee; the thigh is in the trunk if that is as low as the hip."""
+    found = Distances(paper_leg(tmp_path).leg, np.array([0.9, -1.9]))
+    names = [solid.name for solid in found.solids]
+    assert [{names[i], names[j]} for i, j in found.left_out] == [{"thigh", "calf"}]
+    low = Distances(paper_leg(tmp_path, SHAPES.replace("0.02, 0.1]\n[", "0.02, 0.02]\n[")).leg, np.array([0.9, -1.9]))
+    assert {"thigh", "trunk"} in [{names[i], names[j]} for i, j in low.left_out]
+
+
+def test_lowest_point_and_outline_in_closed_form(tmp_path: Path) -> None:
+    leg, q = paper_leg(tmp_path).leg, np.array([0.4, -1.0])
+    trunk, tail, thigh, calf = solids(leg)
+    assert lowest(leg, trunk, q) == pytest.approx(0.05, abs=1e-12)
+    assert lowest(leg, tail, q) == pytest.approx(-0.11, abs=1e-12)
+    assert lowest(leg, thigh, q) == pytest.approx(-0.38 * np.cos(0.4) - 0.04, abs=1e-12)
+    assert lowest(leg, calf, q) == pytest.approx(-0.38 * np.cos(0.4) - 0.361 * np.cos(-0.6) - 0.03, abs=1e-12)
+    np.testing.assert_allclose(np.ptp(outline(leg, trunk, q), axis=0), [0.5, 0.1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[leg.body.shapes.trunk]\nbox = [0.1, 0.1, 0.1]\npoints = [[0, 0, 0]]\n", "has box and points"),
+        ("[leg.body.shapes.trunk]\nradius = 0.1\n", "has neither box nor polygon nor points"),
+        ("[leg.shank.shapes.calf]\npoints = [[0, 0, 0], [0, 0, 1]]\n", "2 points and no radius"),
+        ("[leg.body.shapes.trunk]\nbox = [0.1, -0.1, 0.1]\n", "leg.body.shapes.trunk.box[1] = -0.1 m is too small"),
+        ('[leg.body.shapes."a b"]\nbox = [0.1, 0.1, 0.1]\n', "no name of a shape"),
+        ("[leg]\ngeometry = true\n", "leg.geometry has a meaning only beside leg.urdf"),
+    ],
+)
+def test_shapes_that_are_none_are_refused_in_a_sentence(text: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=words.replace("[", r"\[")):
+        paper_leg(tmp_path, text)
+
+
+def robots() -> Path:
+    """Folder of the public robots."""
+    try:
+        return Path(str(distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")))
+    except PackageNotFoundError:  # pragma: no cover
+        pytest.skip("example-robot-data is not installed")
+
+
+def test_geometry_of_a_urdf_is_that_of_pinocchio(tmp_path: Path) -> None:
+    """A1's boxes, cylinders and spheres on the whole robot: equal but for the prisms about cylinders, 2 % wider at most."""
+    path = robots() / A1
+    (tmp_path / "a1.toml").write_text(
+        f'name = "a1"\n[leg]\nurdf = "example-robot-data/{A1}"\njoints = {list(JOINTS)}\nfoot_frame = "{FOOT}"\n'
+        "geometry = true\nmotor.rotor_inertia = 0.0\n[start]\njoint_angles = [0.8, -1.6]\n"
+    )
+    design = load(tmp_path / "a1.toml")
+    (tmp_path / "again.toml").write_text(resolved_toml(design))
+    assert load(tmp_path / "again.toml") == design
+    found = Distances(design.leg, np.array([0.8, -1.6]))
+    model = pin.buildModelFromXML(path.read_text(), pin.JointModelFreeFlyer())
+    geometry = pin.buildGeomFromUrdfString(model, path.read_text(), pin.GeometryType.COLLISION)
+    of_link = {g.name.rpartition("_")[0]: k for k, g in enumerate(geometry.geometryObjects)}
+    for i, j in found.pairs:
+        geometry.addCollisionPair(pin.CollisionPair(*(of_link[found.solids[k].name] for k in (i, j))))
+    at, data, shapes = pin.neutral(model), model.createData(), geometry.createData()
+    low, high = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
+    at[7:] = np.clip(0.0, low, high)
+    places = [model.joints[model.getJointId(name)].idx_q for name in JOINTS]
+    rng = np.random.default_rng(2)
+    for q in rng.uniform([-1.0, -2.6], [4.0, -0.9], (20, 2)):
+        at[places] = q
+        pin.computeDistances(model, data, geometry, shapes, at)
+        theirs = np.array([result.min_distance for result in shapes.distanceResults])
+        mine = found.all(q[None])[0]
+        clear = theirs > 0
+        assert np.all(mine <= theirs + 3e-5)
+        assert np.all(mine[clear] >= theirs[clear] - 0.02 * 0.046 - 3e-5)  # of the thickest cylinder

@@ -1,0 +1,69 @@
+"""Does the leg meet the body? A ball planted beside a plan's swing, its distance from the shank in closed form."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hopopt.cli.screen.motion import nearest_lines
+from hopopt.design import Design
+from hopopt.planner.solution import Solution
+from hopopt.problem.load import load
+from hopopt.verify.check import failed
+from hopopt.verify.hops.collision import collision
+from hopopt.verify.plan import verify_plan
+from once import solved_once
+
+BALL, SHANK = 0.015, 0.02  # m, radii
+
+
+@pytest.fixture(scope="module")
+def plan() -> Solution:
+    return solved_once({"hop.stance_duration": [0.03, 0.2]})
+
+
+def with_ball(tmp_path: Path, place: np.ndarray, more: str = "") -> Design:
+    """The paper's leg with a round shank, and a ball on the body at (x, z) [m]."""
+    (tmp_path / "ball.toml").write_text(
+        f'extends = "paper"\nname = "ball"\n[hop]\nstance_duration = [0.03, 0.2]\n{more}\n[leg.shank]\nradius = {SHANK}\n'
+        f"[leg.body.shapes.ball]\npoints = [[{place[0]}, 0.0, {place[1]}]]\nradius = {BALL}\n"
+    )
+    return load(tmp_path / "ball.toml")
+
+
+def swing(plan: Solution) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times [s], and where knee and foot are from the hip (k, 2) [m]."""
+    s = plan.sample(np.linspace(0, plan.end, 20_001))
+    return s.t, s.points["knee"] - s.points["hip"], s.points["foot"] - s.points["hip"]
+
+
+def apart(place: np.ndarray, knee: np.ndarray, foot: np.ndarray) -> np.ndarray:
+    """Distances (k,) [m] of a point from the shank's line."""
+    along = foot - knee
+    share = np.clip(((place - knee) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
+    return np.linalg.norm(place - knee - share[:, None] * along, axis=1)
+
+
+@pytest.mark.parametrize("beside", [0.05, 0.0])
+def test_the_least_distance_is_that_of_a_ball_from_the_shank(plan: Solution, beside: float, tmp_path: Path) -> None:
+    """Beside the swing it is passed, in it it is met, which no answer may do unless that is asked for."""
+    t, knee, foot = swing(plan)
+    middle = int(np.searchsorted(t, 0.5 * (plan.lift_off + plan.end)))
+    place = foot[middle] + (foot[middle] - knee[middle]) * beside / np.linalg.norm(foot[middle] - knee[middle])
+    design, true = with_ball(tmp_path, place), apart(place, knee, foot) - BALL - SHANK
+    found = collision(design, plan.tables)
+    assert found is not None
+    assert found.between == ("shank", "ball")
+    assert found.least_distance_m == pytest.approx(true.min(), abs=1e-5)
+    assert np.interp(found.time_s, t, true) == pytest.approx(true.min(), abs=1e-4)
+    names = [check.name for check in failed(verify_plan(design, plan.tables, plan.claims()))]
+    assert names == ([] if true.min() > 0 else ["collision"])
+    asked = with_ball(tmp_path, place, "may_collide = true")
+    assert not failed(verify_plan(asked, plan.tables, plan.claims()))
+    words = "passes ball at" if true.min() > 0 else "passes ball inside it by"
+    assert f"nearest: shank {words} {1000 * abs(true.min()):.1f} mm" in nearest_lines(found)[0]
+
+
+def test_a_leg_without_shapes_has_no_distance(plan: Solution) -> None:
+    assert collision(plan.design, plan.tables) is None
+    assert plan.summary.collision is None
