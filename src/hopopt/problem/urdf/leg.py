@@ -86,14 +86,13 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
     try:
         raw, point = read_regular(path, MAX_BYTES + 1), given.get("foot_point", (0.0, 0.0, 0.0))
         found = read_leg(raw, rest["joints"], given["foot_frame"], given.get("locked", {}), point)
+        report.urdf = path.name
         tables = with_shapes(_tables(found, rest, report), raw, path.parent, rest["joints"], given)
     except OSError as error:
         report.unusable(f"{shown_path(path.name)} cannot be read: {error.strerror}")
     except UrdfError as error:
         report.unusable(f"{shown_path(path.name)} {error}")
     else:
-        report.urdf = path.name
-        tables = _tables(found, rest, report)
         report.origins = dict.fromkeys(_entries(tables, "leg"), path.name) | report.origins
         urdf_rules(found, rest, tables, report)
         return {**data, "leg": _merged(tables, rest)}
