@@ -265,6 +265,18 @@ def test_an_axis_counts_as_it_lies_in_the_robot(read: Any) -> None:
     np.testing.assert_allclose(tilted.joint["knee"].axis, [0.6, -0.8, 0], atol=1e-15)
 
 
+def test_a_robot_with_another_axis_up_is_told_to_be_turned(read: Any) -> None:
+    """Every joint turns about z, as in a file with y up, until a fixed joint above the body turns the whole robot."""
+    up = {name: PARTS[name].replace('axis xyz="0 -1 0"', 'axis xyz="0 0 1"') for name in ("hip", "knee")}
+    said = refusal(read, robot(**up))
+    assert "leg.joints turn about the vertical of leg.urdf, and so lift nothing: a robot stands with z up" in said
+    turned = joint("turn", "world", "body", kind="fixed", inside="").replace(
+        'xyz="0 0 0"', 'xyz="0 0 0" rpy="1.5707963 0 0"'
+    )
+    leg = read(robot(link("world") + turned, **up)).leg
+    np.testing.assert_allclose(leg.joint["hip"].axis, [0, -1, 0], atol=1e-7)
+
+
 @pytest.mark.parametrize("kind", ["fixed", "floating"])
 @pytest.mark.parametrize("name", ["root_joint", "base"])
 def test_a_body_may_hang_on_the_world(kind: str, name: str, read: Any) -> None:

@@ -12,6 +12,7 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.render import shown_path
 
 WHOLE_TURN = 6.27  # rad; nearly: files round it
+VERTICAL = 0.99  # of an axis of length 1, its part along z
 STRONGEST, FASTEST = 1000.0, 100.0  # N m, rad/s of a joint: more than any has; files say so where there is no limit
 
 
@@ -20,9 +21,19 @@ def urdf_rules(found: UrdfLeg, leg: Mapping[str, Any], tables: Mapping[str, Any]
 
     found: the leg of the URDF. leg: what the problem itself states. tables: what is made of the URDF.
     """
+    _upright(found, report)
     _continuous(found, leg, report)
     _placeholders(found, tables, report)
     _without_length(found, leg, tables["links"], report)
+
+
+def _upright(found: UrdfLeg, report: Report) -> None:
+    """Report a leg all of whose joints turn about the vertical: in its file another axis than z is up."""
+    if all(abs(item.axis[2]) > VERTICAL for item in found.links):
+        turning = f"turn about the vertical of {report.urdf}, and so lift nothing: a robot stands with z up"
+        turn = 'rpy = "1.5707963 0 0" if y is up'
+        report.add("leg.joints", f"{turning}; turn it by a fixed joint between a new root link and its body ({turn})")
+        report.unreadable = True
 
 
 def _without_length(found: UrdfLeg, leg: Mapping[str, Any], names: Sequence[str], report: Report) -> None:
