@@ -18,7 +18,7 @@ SHORT = (
 QUICK = '\\1", ' + ", ".join(f'"{entry}"' for entry in SHORT) + "]"  # after an entry that a block changes
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 ROWS = "\n".join(line for line in PAGE.splitlines() if line.startswith("|"))
-OF_ALL = {"as_dict", "verified", "with_methods"}  # said of all results at once, or for hopopt itself
+OF_ALL = {"as_dict", "folder", "verified", "with_methods"}  # said of all results at once, or for hopopt itself
 
 
 def test_the_page_is_short_and_has_examples() -> None:

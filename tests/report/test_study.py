@@ -11,10 +11,10 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli import main as cli
-from hopopt.report.study import answer, study_in, study_page
+from hopopt.report.study import answer, study_page
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point_file import NOT_SOLVED, VERIFIED
-from hopopt.studies.sweep.run import Study
+from hopopt.studies.sweep.run import Study, study_in
 from hopopt.studies.sweep.shown import colors
 from hopopt.studies.sweep.store import open_folder, save_point
 from stored_results import point, stored_study

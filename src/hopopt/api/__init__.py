@@ -9,10 +9,11 @@ below; of a class with no hops in it, ``asked.as_class`` does.
 from hopopt.api.old_names import codesign as codesign  # pyright: ignore[reportDeprecated]
 from hopopt.api.old_names import front as front  # pyright: ignore[reportDeprecated]
 from hopopt.api.program import Program, ProgramSolution
+from hopopt.api.reading import Verification, read, save, verify
 from hopopt.api.results import Front, Map, RobustHop, Run, Study, Transition
 from hopopt.api.solution import Comparison, HopsComparison, Ladder, Solution
 from hopopt.api.studies import pareto, robust, sweep, transition
-from hopopt.api.verbs import identify, program, read, save, simulate, solve
+from hopopt.api.verbs import identify, program, simulate, solve
 from hopopt.design import Design
 from hopopt.ocp.custom import constraint, objective
 from hopopt.problem.load import load
@@ -31,6 +32,7 @@ __all__ = [
     "Solution",
     "Study",
     "Transition",
+    "Verification",
     "constraint",
     "identify",
     "load",
@@ -44,4 +46,5 @@ __all__ = [
     "solve",
     "sweep",
     "transition",
+    "verify",
 ]

@@ -1,10 +1,11 @@
 """What the other verbs return, with methods: studies, fronts, robust hops, transitions and simulated runs."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Self, overload
 
-from hopopt.api import notebook_views as views
 from hopopt.api.asked import as_class, check_figure, figures
+from hopopt.api.notebook import views
 from hopopt.api.solution import Solution
 from hopopt.comparison.hops import transition
 from hopopt.comparison.robust import robust
@@ -56,7 +57,7 @@ class Map(maps.Map, Study):
     """A study of the first mesh alone, with the points that were verified."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Front(front.Front):
     """A Pareto front of the clearance against what it costs, point by point."""
 
@@ -77,13 +78,22 @@ class Front(front.Front):
         check_figure(name, "front")
         return figure(self)
 
+    def to_xarray(self) -> "xr.Dataset":
+        """The points along the clearances that were asked for, asked_m [m]."""
+        return views.front_dataset(self)
 
-@dataclass(frozen=True)
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for every point in the order of its clearance; columns are named as those of a study."""
+        return views.front_frame(self)
+
+
+@dataclass(frozen=True, repr=False)
 class RobustHop(robust.RobustHop):
-    """What a share of the drawn legs reaches, and the bounds beside it."""
+    """What a share of the drawn legs reaches, the bounds beside it, and the folder that it lies in."""
 
     bound: Solution
     ideal_bound: Solution
+    folder: Path | None = field(default=None, kw_only=True)
 
     @classmethod
     def with_methods(cls, found: robust.RobustHop) -> Self:
@@ -107,13 +117,22 @@ class RobustHop(robust.RobustHop):
         check_figure(name, "share_of_legs")
         return share_of_legs(self)
 
+    def to_xarray(self) -> "xr.Dataset":
+        """What every drawn leg reached, along strategies and legs."""
+        return views.robust_dataset(self)
 
-@dataclass(frozen=True)
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for every drawn leg and strategy; columns are named as those of a study."""
+        return views.robust_frame(self)
+
+
+@dataclass(frozen=True, repr=False)
 class Transition(transition.Transition):
-    """The fewest hops that lead onto a periodic hop."""
+    """The fewest hops that lead onto a periodic hop, and the folder that they lie in."""
 
     orbit: Solution
     begin: Solution | None = None
+    folder: Path | None = field(default=None, kw_only=True)
 
     @classmethod
     def with_methods(cls, found: transition.Transition) -> Self:
@@ -132,9 +151,11 @@ class Transition(transition.Transition):
         return heights(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run(closed_loop.Run):
-    """One simulated run: the strategy, what happened, the controller that did it, and the figures of its first hop."""
+    """One simulated run: the strategy, what happened, the controller that did it, the figures of its first hop; its folder."""
+
+    folder: Path | None = field(default=None, kw_only=True)
 
     @overload
     def plot(self, name: None = None) -> "dict[str, Figure]": ...

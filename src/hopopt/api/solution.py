@@ -3,15 +3,17 @@
 What draws and what takes long to import is imported when it is asked for.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
 
 from numpy.typing import ArrayLike
 
-from hopopt.api import notebook_views as views
 from hopopt.api.asked import Progress, as_class, check_figure, figures, renamed, told
+from hopopt.api.notebook import views
 from hopopt.comparison import compare, ladder
 from hopopt.comparison.hops import hop_after_hop
+from hopopt.control.strategies import named
 from hopopt.planner import solution
 from hopopt.storage.solution import stated
 from hopopt.studies.influence import Influence
@@ -29,6 +31,11 @@ class Solution(solution.Solution):
     def with_methods(cls, found: solution.Solution) -> Self:
         """The planner's solution with its methods."""
         return found if isinstance(found, cls) else as_class(cls, found)
+
+    @property
+    def folder(self) -> Path | None:
+        """Where it lies; None if it is not kept."""
+        return self.result_dir
 
     def as_dict(self) -> dict[str, Any]:
         """Every figure, as ``hopopt show --json`` prints it."""
@@ -63,11 +70,12 @@ class Solution(solution.Solution):
         return sensitivity(self)
 
     def compare(
-        self, *strategies: str, tune: int = 0, mujoco: bool = False, progress: Progress = False
+        self, *strategies: str | type, tune: int = 0, mujoco: bool = False, progress: Progress = False
     ) -> "Comparison":
         """This hop as the bound, beside what controllers make of the same leg.
 
-        strategies: their names, "all" for every one that suits the leg; none: the default rows of ``hopopt compare``
+        strategies: their names, or classes of your own; "all" for every one that suits the leg; none: the default rows of
+            ``hopopt compare``
         tune: hops on which the gains of "force" and "position" are tuned
         mujoco: simulate in MuJoCo too
         progress: a function that is told a line of text, or True for lines on standard error
@@ -75,14 +83,15 @@ class Solution(solution.Solution):
         Raises UsageError for strategies that are unknown or do not suit the leg, NotSolvedError if there is no plan to
         track, MissingExtraError without MuJoCo.
         """
+        names = [named(s) for s in strategies]
         found = compare.compare(
-            self.design, strategies or None, bound=self, tune=tune, mujoco=mujoco, progress=told(progress)
+            self.design, names or None, bound=self, tune=tune, mujoco=mujoco, progress=told(progress)
         )
         return Comparison.with_methods(found)
 
     def compare_hops(
         self,
-        *strategies: str,
+        *strategies: str | type,
         hops: int = hop_after_hop.MOST_HOPS,
         basins: bool = False,
         mujoco: bool = False,
@@ -100,8 +109,9 @@ class Solution(solution.Solution):
 
         Raises UsageError for strategies that are unknown or do not suit the leg, and for a hop that is not periodic.
         """
+        names = [named(s) for s in strategies]
         found = hop_after_hop.compare_hops(
-            self.design, strategies or None, hops=hops, bound=self, basins=basins, mujoco=mujoco, processes=processes,
+            self.design, names or None, hops=hops, bound=self, basins=basins, mujoco=mujoco, processes=processes,
             progress=told(progress),
         )  # fmt: skip
         return HopsComparison.with_methods(found)
@@ -123,7 +133,7 @@ class Solution(solution.Solution):
         return views.solution_html(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Ladder(ladder.Ladder):
     """From a PD strategy to the bound, one freedom at a time."""
 
@@ -137,10 +147,11 @@ class Ladder(ladder.Ladder):
 
 @dataclass(frozen=True, repr=False)
 class _BesideABound:
-    """What both comparisons have: a bound, and the plan that was tracked."""
+    """What both comparisons have: a bound, the plan that was tracked, and the folder that they lie in."""
 
     solution: Solution
     plan: Solution | None
+    folder: Path | None = field(default=None, kw_only=True)
 
     @classmethod
     def with_methods(cls, found: compare.Comparison | hop_after_hop.HopsComparison) -> Self:
@@ -196,7 +207,7 @@ class Comparison(_BesideABound, compare.Comparison):
         return views.comparison_html(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class HopsComparison(_BesideABound, hop_after_hop.HopsComparison):
     """The periodic bound, the plan that was tracked, and every strategy's hops by name."""
 
@@ -219,3 +230,11 @@ class HopsComparison(_BesideABound, hop_after_hop.HopsComparison):
     def why(self, *, orders: int = 3, progress: Progress = False) -> Ladder:
         """Why PD control keeps up less than the bound; as ``Comparison.why``."""
         return as_class(Ladder, ladder.ladder(self, told(progress), orders))
+
+    def to_xarray(self) -> "xr.Dataset":
+        """The figures that are numbers, along the strategies."""
+        return views.comparison_dataset(self)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """The same as a table: a row for every strategy."""
+        return views.comparison_frame(self)

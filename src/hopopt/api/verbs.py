@@ -14,7 +14,7 @@ from hopopt.api.results import Run
 from hopopt.api.solution import Solution
 from hopopt.comparison.simulation import followed
 from hopopt.control import closed_loop
-from hopopt.control.strategies import find
+from hopopt.control.strategies import find, named
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
 from hopopt.ocp.free_parameters import FreeParameters
@@ -26,7 +26,6 @@ from hopopt.planner.reserve import plan_to_track
 from hopopt.planner.search.multistart import first_transcription
 from hopopt.problem.load import as_design
 from hopopt.problem.own import name_of, with_constraints
-from hopopt.storage import solution as storage
 from hopopt.studies import codesign as studies_codesign
 
 if TYPE_CHECKING:
@@ -113,32 +112,9 @@ def program(
     return Program(hop, first_transcription(hop))
 
 
-def read(folder: str | Path) -> Solution:
-    """A solution from the folder that it was saved in.
-
-    folder: a results folder of ``save`` or ``hopopt solve``; ``doubts`` of the solution name files that were changed
-
-    Raises ResultError if something is missing or broken.
-    """
-    return Solution.with_methods(storage.read(folder))
-
-
-def save(
-    solution: solution.Solution, results: str | Path = "results", figures: storage.Figures | None = None
-) -> Solution:
-    """Write a solution into a new folder; the solution with its folder noted, ``result_dir``.
-
-    results: the folder below which
-    figures: called with the solution and a folder, draws what is to lie there
-
-    Raises ResultError if it cannot be written; the data are then kept in a folder for temporary files.
-    """
-    return Solution.with_methods(storage.save(solution, results, figures))
-
-
 def simulate(
     problem: Problem,
-    strategy: str = "force",
+    strategy: str | type = "force",
     *,
     plan: solution.Solution | None = None,
     plant: Design | None = None,
@@ -149,7 +125,7 @@ def simulate(
     """Hop the simulated leg with a controller: its ``figures`` and its ``trace`` over time.
 
     problem: a problem, its name or file
-    strategy: a built-in one, or your own as module:Class (docs/own_controller.md)
+    strategy: the name of a built-in one, or your own, the class or its name module:Class (docs/own_controller.md)
     plan: what ``track`` is to follow; without one it solves for its own
     plant: the true leg, if it differs from the one that the strategy believes in
     hops: how many
@@ -158,7 +134,7 @@ def simulate(
 
     Raises UsageError for a leg, strategy or plan that cannot be simulated, NotSolvedError if there is no plan to track.
     """
-    design, chosen = as_design(problem), find(strategy)
+    design, chosen = as_design(problem), find(named(strategy))
     refuse_landed(design, "a simulation from rest")
     closed_loop.make_plant(plant or design)  # what cannot be simulated is said before the work
     if plan is None and chosen.needs_plan:

@@ -82,6 +82,10 @@ class Ladder:
     gains: tuple[tuple[float, ...], ...]
     losses: CostOfLosses | None = None
 
+    def __repr__(self) -> str:
+        rungs = ", ".join(f"{r.allows} {r.clearance_m:.3f} m" for r in self.rungs)
+        return f"<Ladder from {self.strategy} {self.from_m:.3f} m: {rungs}>"
+
     @property
     def verified(self) -> bool:
         """Whether every rung is."""

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from functools import cached_property
 from itertools import count
 from typing import Any
@@ -41,37 +41,57 @@ PAST_APEX = 1.0  # [m/s] of fall on the paper's leg, 5 cm below the apex: no leg
 
 @dataclass(frozen=True)
 class Run:
-    """One simulated run: the strategy, what happened, the controller that did it, and the figures of its first hop."""
+    """One simulated run: the strategy, what happened, the controller that did it, and the figures of its first hop.
+
+    strategy: what controlled it
+    design: the true leg
+    trace: states, torques, force and events over time
+    controller: as it was when the run ended; None of a run that was read
+    stated: of a run that was read, what its folder says of the controller: options, feedback_moves, overshoot_m, limited_by
+    """
 
     strategy: Strategy
     design: Design
     trace: Trace
-    controller: Controller
+    controller: Controller | None
+    stated: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Run of {self.strategy.name} on {self.design.name}: {self.figures.clearance:.4f} m, {self.trace.outcome}>"
+        )
 
     @cached_property
     def figures(self) -> HopFigures:
+        """Of the first hop: clearance [m] and all that is measured of it."""
         return HopFigures(self.design, self.trace)
 
     @property
     def options(self) -> dict[str, Any]:
         """The settings it ran with, by name; those of a controller that keeps none are the strategy's."""
+        if "options" in self.stated:
+            return dict(self.stated["options"])
         own = getattr(self.controller, "options", None)
         return asdict(own) if is_dataclass(own) and not isinstance(own, type) else dict(self.strategy.options)
 
     @property
     def moves(self) -> float | None:
         """The most by which feedback moved a torque from one sample to the next, share of stall torque; None without a plan."""
-        return self.controller.moves if isinstance(self.controller, Track) else None
+        return self.controller.moves if isinstance(self.controller, Track) else self.stated.get("feedback_moves")
 
     @property
     def overshoot(self) -> float | None:
         """How much shorter the leg is at its clearance than the reference it follows in flight [m]; None without one."""
-        return self.controller.overshoot(self.figures) if isinstance(self.controller, PaperStrategy) else None
+        if isinstance(self.controller, PaperStrategy):
+            return self.controller.overshoot(self.figures)
+        return self.stated.get("overshoot_m")
 
     @property
     def limited_by(self) -> str:
         """What held a hop of the paper's strategies down, in words; empty for others."""
-        return self.controller.limited_by(self.figures) if isinstance(self.controller, PaperStrategy) else ""
+        if isinstance(self.controller, PaperStrategy):
+            return self.controller.limited_by(self.figures)
+        return str(self.stated.get("limited_by", ""))
 
 
 def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int = 1, compiled: bool = False) -> Plant:

@@ -13,7 +13,7 @@ from hopopt.control.setting import Setting
 from hopopt.control.tracking.receding_horizon import TrackWithinLimits
 from hopopt.control.tracking.track import Track
 from hopopt.errors import UsageError
-from hopopt.extensions import Registry, known, origin
+from hopopt.extensions import Registry, function, hand_over, known, origin
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.user_code import last_line, load
 
@@ -88,13 +88,24 @@ BUILT_IN: Registry[Any] = Registry(
 )
 
 
+def named(strategy: str | type) -> str:
+    """The name of a strategy, or of a class of the user's own, which may be found by it from now on; UsageError for others."""
+    if isinstance(strategy, str):
+        return strategy
+    if not (isinstance(strategy, type) and callable(getattr(strategy, "torque", None))):
+        raise UsageError(f"{strategy!r:.80} is no strategy: give its name, or a class with a method torque(now)")
+    name = f"{strategy.__module__}:{strategy.__qualname__}"
+    hand_over(name, strategy)
+    return name
+
+
 def find(name: str) -> Strategy:
     """The strategy called ``name``; UsageError, with what there is, if it cannot be found."""
     if name in BUILT_IN:
         found = BUILT_IN[name]
         return found if isinstance(found, Strategy) else _others(name, f"from {origin('strategy', name)}", found)
     if ":" in name:
-        return _others(name, "your own strategy", _load(name))
+        return _others(name, "your own strategy", function(name) if known("function", name) else _load(name))
     others = {e.name: e for e in entry_points(group=ENTRY_POINT_GROUP)}
     if name in others:
         return _others(name, f"from {others[name].value}", others[name].load())

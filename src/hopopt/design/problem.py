@@ -61,7 +61,11 @@ class Design(Section):
 
     def __hash__(self) -> int:
         """Of every entry, so that what is made of a problem can be kept for it."""
-        return hash(repr(self))
+        return hash(super().__repr__())
+
+    def __repr__(self) -> str:
+        joints = f"{len(self.leg.joints)} joint{'s' if len(self.leg.joints) > 1 else ''}"
+        return f"<Design {self.name}: {joints}, {self.hop.kind} hop; hopopt show prints every entry>"
 
     @property
     def surroundings(self) -> Environment:

@@ -52,7 +52,7 @@ class Solution(Motion):
 
     def __repr__(self) -> str:
         s = self.summary
-        reached = f"{s.objective_figure} {s.reached} {s.objective_unit}, {s.status}"
+        reached = f"{s.objective_figure} {s.reached:.6g} {s.objective_unit}, {s.status}"
         return f"<Solution of {self.design.name}, objective {self.objective}: {reached}>"
 
     def noted(self, **changes: Any) -> "Solution":

@@ -23,10 +23,9 @@ def clearances(found: HopsComparison) -> Figure:
     ax, look = figure.subplots(), looks(found.shown)
     ax.axhline(found.bound, color=BLACK, lw=1.5, ls=":", label=f"periodic bound, {found.bound:.3f} m")
     for name, hops in found.hops.items():
-        end = f"fell after {len(hops.each)}" if hops.fell else f"keeps up {hops.kept:.3f} m"
-        ax.plot(
-            np.arange(1, len(hops.each) + 1), hops.clearances, label=f"{name}: {end}", marker=".", ms=5, **look[name]
-        )
+        end = f"fell after {len(hops.clearances)}" if hops.fell else f"keeps up {hops.kept:.3f} m"
+        each = np.arange(1, len(hops.clearances) + 1)
+        ax.plot(each, hops.clearances, label=f"{name}: {end}", marker=".", ms=5, **look[name])
     ax.set_ylim(bottom=0)
     describe(ax, "hop", "clearance [m]")
     legend(figure)

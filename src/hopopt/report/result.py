@@ -7,7 +7,8 @@ from hopopt.errors import UsageError
 from hopopt.report.content import content_of
 from hopopt.report.page import page
 from hopopt.report.robust import is_robust, robust_page
-from hopopt.report.study import is_study, study_page
+from hopopt.report.study import study_page
+from hopopt.studies.sweep.run import is_study
 
 
 def page_of(folders: Sequence[Path]) -> str:

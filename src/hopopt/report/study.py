@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.errors import ResultError
 from hopopt.ocp.objectives.registry import find
 from hopopt.report.chart import Chart, round_numbers, span
 from hopopt.report.html import render
 from hopopt.storage.seal.digests import changed, manifest_of
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NO_LIMIT, NOT_SOLVED, NOT_VERIFIED, Point
-from hopopt.studies.sweep.run import Study
+from hopopt.studies.sweep.run import Study, study_in
 from hopopt.studies.sweep.shown import cell_edges, colors, entry_label, entry_unit, value
-from hopopt.studies.sweep.store import FILES, load_points, read_definition
+from hopopt.studies.sweep.store import FILES
 
 MARKS = {NOT_VERIFIED: "×", NOT_SOLVED: "✕", IMPOSSIBLE: "+", ENDED: "!"}  # of points without a verified hop
 LISTED, DRAWN, TITLED = 500, 5000, 1000  # points in the table, marks in figures, marks with words: pages stay small
@@ -46,22 +45,6 @@ class Mark:
     text: str
     value: str = ""
     cell: tuple[float, ...] = ()
-
-
-def is_study(folder: Path) -> bool:
-    """Whether a folder is that of a design study."""
-    return (folder / "sweep.json").is_file()
-
-
-def study_in(folder: Path) -> Study:
-    """The study in a folder with all points that are finished; ResultError if none is, or one cannot be trusted."""
-    definition, latest = read_definition(folder), dict[int, Point]()
-    for _, points in sorted(load_points(folder, definition).items()):
-        latest |= points
-    if not latest:
-        verify, state = (" --verify-best 5", "verified") if definition.preliminary else ("", "finished")
-        raise ResultError(f"{folder}: no point of this study is {state}: hopopt sweep --resume {folder}{verify}")
-    return Study(definition, tuple(latest[k] for k in sorted(latest)), folder, sum(p.seconds for p in latest.values()))
 
 
 def study_page(folder: Path) -> str:

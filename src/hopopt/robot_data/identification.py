@@ -64,6 +64,10 @@ class Identification:
     noise: dict[str, float]
     lags: dict[str, float]
 
+    def __repr__(self) -> str:
+        found = sum(e.identified for e in self.estimates)
+        return f"<Identification of {self.design.name}: {found} of {len(self.estimates)} parameters identified>"
+
     def as_dict(self) -> dict[str, Any]:
         """Everything in numbers, for ``--json``."""
         parameters = {e.key: {k: v for k, v in asdict(e).items() if k != "key"} for e in self.estimates}

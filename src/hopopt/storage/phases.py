@@ -9,7 +9,7 @@ import numpy as np
 from hopopt.leg.kinematics import contact_axes
 from hopopt.nlp.schemes import SCHEMES, Scheme, scheme
 from hopopt.nlp.trajectory import PhaseTrajectory
-from hopopt.planner.solution import Solution
+from hopopt.planner.motion import Motion
 from hopopt.storage.netcdf import Group
 from hopopt.verify.table import Table
 
@@ -25,9 +25,9 @@ TABLE_ARRAYS = {  # of every array of a table: its last dimension, unit and mean
 }  # fmt: skip
 
 
-def phase_group(solution: Solution, table: Table, trajectory: PhaseTrajectory) -> Group:
+def phase_group(motion: Motion, table: Table, trajectory: PhaseTrajectory) -> Group:
     """The table and the collocation data of one phase, with units."""
-    joints, of_interval = list(solution.robot.joints), ("interval", "place")
+    joints, of_interval = list(motion.robot.joints), ("interval", "place")
     found = {
         name: (of_interval if last is None else (*of_interval, last), getattr(table, name), _described(unit, text))
         for name, (last, unit, text) in TABLE_ARRAYS.items()
@@ -48,7 +48,7 @@ def phase_group(solution: Solution, table: Table, trajectory: PhaseTrajectory) -
     labels = {
         "coordinate": (["x", "z", *joints], "the body's coordinates, then the joints"),
         "joint": (joints, "joints from the body to the foot"),
-        "direction": (["xyz"[axis] for axis in contact_axes(solution.design.leg)], "axes of the ground force, z up"),
+        "direction": (["xyz"[axis] for axis in contact_axes(motion.design.leg)], "axes of the ground force, z up"),
     }
     found |= {name: ((name,), np.array(words), {"long_name": text}) for name, (words, text) in labels.items()}
     return Group(found, dict(_stored(trajectory.scheme)))

@@ -3,13 +3,14 @@
 results/<problem>-<what>-<hash8>/
     runs.nc        netCDF: a group for each run, with units        comparison.json, simulation.json, sensitivity.json
     problem.toml   all defaults filled in                          figures/       PNG and SVG
+    bound/, plan/  folders of solutions: what the runs stand on
 """
 
 import hashlib
 import json
 import logging
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,12 +23,14 @@ from hopopt.design.names import names_in
 from hopopt.errors import ResultError
 from hopopt.extensions import used
 from hopopt.leg.robot import Robot, build_robot
+from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.record import as_data
 from hopopt.sim.trace import Event, Trace
-from hopopt.storage.folder import new_work_folder, published, reason_of, write_json
+from hopopt.storage.folder import new_work_folder, published, reason_of, write_json, writing
 from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
+from hopopt.storage.solution import read, save
 
 ARRAYS = {  # of every array of a run: its dimensions, unit and meaning
     "t": (("sample",), "s", "time since the run began"),
@@ -52,12 +55,18 @@ def save_runs(
     traces: Mapping[str, Trace],
     results: Path,
     figures: Callable[[Path], Any] | None = None,
+    hops: Mapping[str, Solution | None] | None = None,
 ) -> Path:
     """Write runs into a new folder below ``results``, the folder; ResultError if it cannot be written.
+
+    hops: name -> what the runs stand on, each written to a folder of that name, or copied from where it lies
 
     The figures come last, when the data are safe: those that fail are logged, nothing else.
     """
     folder = _save_data(what, design, data, traces, results)
+    for name, hop in (hops or {}).items():
+        if hop is not None:
+            _keep(hop, folder / name)
     if figures is not None:
         try:
             (folder / "figures").mkdir()
@@ -66,6 +75,27 @@ def save_runs(
             words = f"figures are missing ({reason_of(error)}); the data in {folder} are complete"
             logging.getLogger(__name__).warning(words)
     return folder
+
+
+def _keep(hop: Solution, place: Path) -> None:
+    if hop.result_dir is None or not hop.result_dir.is_dir():
+        save(hop, place)
+        return
+    with writing(f"{place}: a hop", "all else is there"):
+        shutil.copytree(hop.result_dir, place / hop.result_dir.name, ignore=shutil.ignore_patterns("figures"))
+
+
+def stored_hop(folder: Path, name: str) -> Solution | None:
+    """The hop that runs stand on and that was kept under a name; None if there is none."""
+    found = sorted(path.parent for path in (folder / name).glob("*/solution.nc"))
+    return read(found[0]) if found else None
+
+
+def required_hop(folder: Path, name: str) -> Solution:
+    """The same; ResultError if there is none."""
+    if (found := stored_hop(folder, name)) is None:
+        raise ResultError(f"{folder}: its {name.replace('_', ' ')} is not stored ({name}/ is missing): make it again")
+    return found
 
 
 def _save_data(what: str, design: Design, data: Mapping[str, Any], traces: Mapping[str, Trace], results: Path) -> Path:
@@ -102,6 +132,8 @@ def _group(trace: Trace) -> Group:
     found["contact"] = (("sample",), trace.contact.astype(np.int8), contact)
     times = np.array([e.t for e in trace.events], dtype=float)
     found["event_t"] = (("event",), times, {"units": "s", "long_name": "time of an event"})
+    lost = np.array([e.lost for e in trace.events], dtype=float)
+    found["event_lost"] = (("event",), lost, {"units": "J", "long_name": "energy that an impact took"})
     kinds = np.array([e.kind for e in trace.events], dtype=str)
     found["event_kind"] = (("event",), kinds, {"long_name": "what happened"})
     joints = list(trace.robot.joints)
@@ -129,12 +161,16 @@ class StoredRuns:
     traces: Mapping[str, Trace]
 
 
-def read_runs(folder: Path, what: str) -> StoredRuns:
-    """Runs that ``save_runs`` wrote, such as a "comparison"; ResultError if files are missing or broken."""
+def read_runs(folder: Path, what: str, names: Sequence[str] | None = None) -> StoredRuns:
+    """Runs that ``save_runs`` wrote, such as a "comparison"; ResultError if files are missing or broken.
+
+    names: of the runs; None: one for each of the stored strategies
+    """
     design, data = read_data(folder, what)
     with _readable(folder, what):
         robot, groups = build_robot(design.leg), read_netcdf(folder / "runs.nc")
-        traces = {name: _trace(groups[name.replace(":", ".")], robot) for name in data["strategies"]}
+        wanted = data["strategies"] if names is None else names
+        traces = {name: _trace(groups[name.replace(":", ".")], robot) for name in wanted}
     return StoredRuns(design, data, traces)
 
 
@@ -159,6 +195,9 @@ def _readable(folder: Path, what: str) -> Iterator[None]:
 
 def _trace(group: Group, robot: Robot) -> Trace:
     arrays = {name: group[name] for name in ARRAYS} | {"contact": group["contact"].astype(bool)}
-    kinds = zip(group["event_kind"], group["event_t"], strict=True)
-    events = tuple(Event(str(kind), float(t), 0.0) for kind, t in kinds)  # losses: not kept
+    times = group["event_t"]
+    lost = (
+        group["event_lost"] if "event_lost" in group.variables else np.zeros_like(times)
+    )  # earlier versions kept none
+    events = tuple(Event(str(k), float(t), float(e)) for k, t, e in zip(group["event_kind"], times, lost, strict=True))
     return Trace(robot, **arrays, events=events, outcome=str(group.attributes["outcome"]))

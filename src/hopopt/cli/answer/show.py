@@ -18,11 +18,11 @@ from hopopt.errors import UsageError
 from hopopt.leg.derived import LegFigures, derived
 from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import as_json, load, rows
-from hopopt.report.study import is_study, study_in
 from hopopt.storage.folder import fitting
 from hopopt.storage.runs import read_data
 from hopopt.storage.solution import read, stated
 from hopopt.studies.pareto.front import read_front
+from hopopt.studies.sweep.run import is_study, study_in
 
 
 def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:

@@ -15,9 +15,11 @@ from hopopt.cli.screen.runs import comparison
 from hopopt.comparison import compare as comparing
 from hopopt.comparison.compare import Comparison
 from hopopt.comparison.hops.hop_after_hop import HopsComparison, compare_hops
+from hopopt.comparison.hops.stored import save_hops
 from hopopt.comparison.ladder import Ladder, ladder
 from hopopt.comparison.robust.least_reserve import least_reserve
 from hopopt.comparison.robust.robustness import chosen, drawn, four_numbers, spread
+from hopopt.comparison.stored import save_comparison
 from hopopt.design import Design
 from hopopt.errors import HopoptError, UsageError
 from hopopt.planner.solve import solve
@@ -26,9 +28,8 @@ from hopopt.plots.controllers import runs as figures_of_one
 from hopopt.problem.load import load
 from hopopt.record import as_data
 from hopopt.storage.folder import prepare
-from hopopt.storage.runs import save_runs
 from hopopt.storage.seal.recheck import reverified
-from hopopt.storage.solution import read, save
+from hopopt.storage.solution import read
 
 Say = Callable[[str], None]
 Strategies = Annotated[
@@ -142,7 +143,7 @@ def compare(
                 design, names, hops=hops, bound=given, draws=legs, basins=basin, mujoco=mujoco, processes=processes,
                 progress=say,
             )  # fmt: skip
-            data, shown = found.as_dict() | {"seed": seed}, found.shown
+            data = found.as_dict() | {"seed": seed}
         else:
             plan, words = None, list[str]()
             if reserve:
@@ -150,7 +151,7 @@ def compare(
                 kept = least_reserve(given, seed=seed, processes=processes, progress=say)
                 design, plan, words = kept.design, kept.plan, [kept.words]
             found = comparing.compare(design, names, bound=given, plan=plan, mujoco=mujoco, tune=tune, progress=say)
-            data, shown = found.as_dict(), found.figures
+            data = found.as_dict()
             data["notes"] += words
             if draws:
                 data |= _on_drawn_legs(design, found, draws, seed, say)
@@ -158,11 +159,10 @@ def compare(
             steps = _ladder(found, data, say)
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         draw = (lambda folder: _draw(found, folder, steps)) if figures else None
-        traces = {name: f.trace for name, f in shown.items()}
-        where = save_runs("hops" if periodic else "comparison", design, data, traces, results, draw)
-        for solution in (found.solution, found.plan):
-            if solution is not None and solution.result_dir is None:  # what the figures stand on
-                save(solution, where)
+        if isinstance(found, HopsComparison):
+            where = save_hops(found, results, data, draw)
+        else:
+            where = save_comparison(found, results, data, draw)
     data["result_dir"] = str(where)
     return ended(data, json_, (shown_hops if periodic else comparison)(data), found.exit_code)
 

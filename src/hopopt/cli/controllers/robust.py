@@ -13,13 +13,12 @@ from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figure, Overrides, Problem, Results, ended
 from hopopt.cli.screen.console import Shown, progress, table
 from hopopt.cli.screen.runs import results as where_it_lies
-from hopopt.comparison.compare import planned_trace
 from hopopt.comparison.robust import robust as studying
+from hopopt.comparison.robust.stored import save_robust
 from hopopt.plots.controllers.robust import save_all
 from hopopt.problem.load import load
 from hopopt.report.robust import GAIN_UNITS, PLAN_WAYS
 from hopopt.storage.folder import prepare
-from hopopt.storage.runs import save_runs
 
 
 def robust(
@@ -43,7 +42,8 @@ def robust(
 
     Legs are drawn within the problem's [uncertainty]. A plan for them is found in two ways: with a reserve tuned on a few of
     them, and by one program for several legs that share torques and feedback. The better one is judged on other legs, beside
-    the bounds and the paper's PD control. The problem with its reserve and the plan (runs.nc) are in the results folder.
+    the bounds and the paper's PD control. The problem with its reserve, the plan (runs.nc, plan.nc) and the bounds are in
+    the results folder.
 
     Exit code: 0 bounds and plan verified, 1 not solved, 2 wrong usage, 3 not verified.
 
@@ -76,7 +76,7 @@ def robust(
         data = found.as_dict() | {"wall_s": time.perf_counter() - began, "seed": seed, "hopopt": version("hopopt")}
         say("drawing the figure")
         draw = (lambda folder: save_all(found, folder)) if figures else None
-        where = save_runs("robust", found.best.design, data, {"plan": planned_trace(found.best.plan)}, results, draw)
+        where = save_robust(found, results, data, draw)
     data["result_dir"] = str(where)
     return ended(data, json_, shown(data), found.exit_code)
 

@@ -10,6 +10,7 @@ from hopopt.cli.options import AsJson, Figures, Overrides, Problem, Results, end
 from hopopt.cli.screen import runs
 from hopopt.cli.screen.console import progress
 from hopopt.comparison.simulation import followed
+from hopopt.comparison.stored import run_row, save_run
 from hopopt.control import closed_loop
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
@@ -20,7 +21,6 @@ from hopopt.plots.controllers.runs import save_all
 from hopopt.problem.load import load
 from hopopt.storage import solution as stored
 from hopopt.storage.folder import fitting, prepare
-from hopopt.storage.runs import save_runs
 
 Options = Annotated[
     list[str] | None,
@@ -73,22 +73,9 @@ def simulate(
         reference = _plan(design, plan, chosen.needs_plan, say)
         say(f"simulating {strategy}")
         run = closed_loop.simulate(design, chosen, plan=reference, plant=truth, hops=hops, options=options)
-        row = {
-            "problem": design.name,
-            "strategy": strategy,
-            "meaning": chosen.meaning,
-            "options": run.options,
-            "hops": hops,
-            **run.figures.as_dict(),
-            "overshoot_m": run.overshoot,
-            "limited_by": run.limited_by,
-            "feedback_moves": run.moves,
-            "lift_offs": run.trace.times_of("lift-off"),
-            "touchdowns": run.trace.times_of("touchdown"),
-        }
         draw = (lambda folder: save_all({strategy: run.figures}, folder, plan=reference)) if figures else None
-        where = save_runs("simulation", design, row, {strategy: run.trace}, results, draw)
-    data = {**row, "exit_code": 0, "result_dir": str(where)}
+        where = save_run(run, hops, results, believed=design if truth else None, figures=draw)
+    data = {**run_row(run, hops), "exit_code": 0, "result_dir": str(where)}
     return ended(data, json_, runs.run(data))
 
 

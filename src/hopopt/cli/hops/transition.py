@@ -14,14 +14,13 @@ from hopopt.cli.options import AsJson, Figure, Overrides, Results, ended, repeat
 from hopopt.cli.screen.console import Shown, progress, table
 from hopopt.cli.screen.console import figures as columns
 from hopopt.cli.screen.runs import results as where_it_lies
-from hopopt.comparison.compare import planned_trace
 from hopopt.comparison.hops import transition as studying
+from hopopt.comparison.hops.stored import save_transition
 from hopopt.ocp.hops.several_hops import in_words
 from hopopt.plots.transition import save_all
 from hopopt.problem.load import load
 from hopopt.storage.folder import prepare
-from hopopt.storage.runs import save_runs
-from hopopt.storage.solution import read, save
+from hopopt.storage.solution import read
 
 
 def transition(
@@ -45,7 +44,7 @@ def transition(
     Or from one periodic hop onto another.
 
     All hops are one program: stance, flight, descent and impact, hop by hop, up to the state in which the orbit's stance
-    begins. Of all ways in so many hops it is the one of least effort. The plan (runs.nc) is in the results folder.
+    begins. Of all ways in so many hops it is the one of least effort. The plan (runs.nc, plan.nc) is in the results folder.
 
     Exit code: 0 verified, 1 no way was found, 2 wrong usage, 3 not verified.
 
@@ -74,11 +73,8 @@ def transition(
             processes=os.cpu_count() or 1, progress=say,
         )  # fmt: skip
         data = found.as_dict() | {"wall_s": time.perf_counter() - began, "hopopt": version("hopopt")}
-        traces = {f"hop_{k}": planned_trace(hop) for k, hop in enumerate(found.plan.hops, 1)}
         draw = (lambda folder: save_all(found, folder)) if figures else None
-        where = save_runs("transition", found.design, data, traces, results, draw)
-        if orbit is None:
-            save(found.orbit, where)
+        where = save_transition(found, results, data, draw)
     data["result_dir"] = str(where)
     return ended(data, json_, shown(data), found.exit_code)
 

@@ -49,6 +49,7 @@ class HopsComparison:
     drawn: name -> for every drawn leg, hops that it did and clearance [m] that it kept up, where asked for
     basins: name -> from where it comes back, where asked for
     mujoco: name -> clearances [m] of its hops there, where asked for
+    rows: name -> what its folder states, of a comparison that was read
     """
 
     solution: Solution
@@ -60,6 +61,11 @@ class HopsComparison:
     basins: Mapping[str, Basin] = field(default_factory=dict)
     mujoco: Mapping[str, Sequence[float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    rows: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        kept = ", ".join(f"{name} {h.kept:.3f} m" for name, h in self.hops.items())
+        return f"<HopsComparison on {self.solution.design.name}: bound {self.bound:.3f} m; kept up: {kept}>"
 
     @cached_property
     def optimum(self) -> HopFigures:
@@ -106,6 +112,8 @@ class HopsComparison:
 
     def row(self, name: str) -> dict[str, Any]:
         """Everything known of one strategy."""
+        if name in self.rows:
+            return dict(self.rows[name])
         h = self.hops[name]
         share = h.kept / self.bound if self.solution.verified and not h.fell else None
         return {

@@ -32,6 +32,12 @@ class Transition:
     begin: Solution | None = None
     fewer: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        state = "verified" if self.verified else "not verified"
+        return (
+            f"<Transition of {self.design.name}: {in_words(len(self.plan.hops))}, {self.plan.duration:.3f} s, {state}>"
+        )
+
     @property
     def design(self) -> Design:
         """The problem that the hops solve; a stored orbit may be of another ground."""

@@ -178,10 +178,11 @@ def hop_on(trial: HopsTrial, hops: int, offset: float) -> Hops:
     """So many hops of a strategy that begins too high by so much [m], and the multipliers of what it settles on."""
     start = moved(trial.start, offset) if trial.apex else trial.start
     found = Hops(trial.hop(hops, start), hops)
-    if found.fell:
+    controller = found.run.controller
+    if found.fell or controller is None:
         return found
     try:
-        on = ReturnMap(trial.design, found.run.controller)
+        on = ReturnMap(trial.design, controller)
         orbit = multipliers(on, state_at_landing(found.run.trace), units=on.units)
     except Fallen:
         orbit = None

@@ -47,6 +47,10 @@ class RobustHop:
     confidence: float
     evaluations: int
 
+    def __repr__(self) -> str:
+        height = self.tracked.promised(self.share, self.confidence)
+        return f"<RobustHop of {self.best.design.name}: {self.share:g} of the legs reach {height:.4f} m>"
+
     @property
     def reached(self) -> dict[str, Reached]:
         """By strategy, what the fresh draws reach: the tracker first."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hopopt.amounts import check
-from hopopt.errors import UsageError
+from hopopt.errors import ResultError, UsageError
 from hopopt.files import remove_abandoned
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.stopwatch import Countdown
@@ -30,7 +30,14 @@ from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import Neighbour
 from hopopt.studies.sweep.point import solve_point
 from hopopt.studies.sweep.point_file import Point
-from hopopt.studies.sweep.store import check_same, load_points, open_folder, save_point, save_tables
+from hopopt.studies.sweep.store import (
+    check_same,
+    load_points,
+    open_folder,
+    read_definition,
+    save_point,
+    save_tables,
+)
 from hopopt.studies.sweep.workers.crew import Workers
 from hopopt.studies.sweep.workers.processes import Progress, workers
 
@@ -82,6 +89,27 @@ def run_map(
         )  # fmt: skip
         save_tables(folder, definition, found.points, found.as_dict())
         return found
+
+
+def map_in(folder: Path) -> Map:
+    """The map in a folder with all that is finished; ResultError if it is none, or cannot be trusted."""
+    definition = read_definition(folder)
+    first = read_part(folder, FIRST, 0, definition)
+    if first is None:
+        raise ResultError(f"{folder}: no point of this map is finished: hopopt sweep --resume {folder}")
+    (begin, _), *_ = first.exits.items()
+    parts = [p for piece in pieces(definition, begin) if (p := read_part(folder, PIECE, piece.number, definition))]
+    for kind in (f"{AGAIN}-{number}" for number in range(1, PASSES + 1)):
+        parts += [p for n in range(len(definition.points)) if (p := read_part(folder, kind, n, definition))]
+    points, verified = _latest(parts), load_points(folder, definition).get(0, {})
+    drawn = _drawn(definition, points, CHECKED)
+    best = [k for k in _best(definition, points, len(points)) if k in verified and k not in drawn]
+    sampled, leading = (
+        tuple(Verified(points[k], verified[k]) for k in chosen if k in verified) for chosen in (drawn, best)
+    )
+    preliminary = tuple(points[k] for k in sorted(points))
+    shown = tuple(verified.get(p.index, p) for p in preliminary)
+    return Map(definition, shown, folder, sum(p.seconds for p in shown), preliminary, first.words, sampled, leading)
 
 
 def check_verify_best(count: int, preliminary: bool) -> None:

@@ -3,12 +3,14 @@
 import csv
 import io
 import json
+from bisect import bisect
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from hopopt.design import Design
+from hopopt.errors import ResultError
 from hopopt.extensions import known, missing
 from hopopt.files import write_whole
 from hopopt.ocp.custom import CUSTOM_FIGURE
@@ -16,7 +18,8 @@ from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
-from hopopt.storage.folder import write_json, writing
+from hopopt.storage.folder import reason_of, write_json, writing
+from hopopt.storage.solution import read
 from hopopt.studies.faults import Fault
 
 
@@ -38,7 +41,14 @@ class FrontPoint:
 
 @dataclass
 class Front:
-    """What is known of a front so far; ``folder`` holds it, point by point."""
+    """What is known of a front so far; ``folder`` holds it, point by point.
+
+    design: the problem
+    against: the other objective
+    points: in the order of the clearances that were asked for
+    solutions: of each point its hop; None where there is none
+    complete: whether every point is finished
+    """
 
     design: Design
     against: HopObjective
@@ -46,6 +56,11 @@ class Front:
     points: list[FrontPoint] = field(default_factory=list)
     solutions: list[Solution | None] = field(default_factory=list)
     complete: bool = False
+
+    def __repr__(self) -> str:
+        done = "" if self.complete else ", not complete"
+        verified = f"{len(self.verified_points)} of {len(self.points)} verified{done}"
+        return f"<Front of {self.design.name}, clearance against {self.against.name}: {verified}>"
 
     @property
     def verified_points(self) -> list[FrontPoint]:
@@ -72,9 +87,10 @@ class Front:
         }  # fmt: skip
 
     def add(self, point: FrontPoint, solution: Solution | None) -> None:
-        """Keep a finished point, in the folder too."""
-        self.points.append(point)
-        self.solutions.append(solution)
+        """Keep a finished point in the order of clearances, in the folder too."""
+        place = bisect([p.asked_m for p in self.points], point.asked_m)
+        self.points.insert(place, point)
+        self.solutions.insert(place, solution)
         self.write()
 
     def note(self, fault: Fault, k: int) -> str:
@@ -98,12 +114,25 @@ class Front:
 
 
 def read_front(folder: Path) -> Front:
-    """A front as its folder holds it, without the motions; the problem is that of its first stored hop."""
-    data = json.loads((folder / "front.json").read_text(encoding="utf-8"))
-    points = [FrontPoint(**point) for point in data["points"]]
-    stored = next(Path(p.result_dir).name for p in points if p.result_dir)
-    design = load(folder / "points" / stored / "problem.toml", without_modules=True)
-    return Front(design, _against(data), folder, points, complete=data["complete"])
+    """A front as its folder holds it, without the motions; the problem is that of its highest hop. ResultError if there
+    is none."""
+    try:
+        data = json.loads((folder / "front.json").read_text(encoding="utf-8"))
+        points = [FrontPoint(**point) for point in data["points"]]
+        stored = [Path(p.result_dir).name for p in points if p.result_dir][-1]
+        design = load(folder / "points" / stored / "problem.toml", without_modules=True)
+        return Front(design, _against(data), folder, points, complete=bool(data["complete"]))
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise ResultError(f"{folder}: the front cannot be read ({reason_of(error)}): trace it again") from error
+
+
+def with_solutions(front: Front) -> Front:
+    """A stored front with the hops of its points; ResultError if one cannot be read."""
+    places = [
+        front.folder / "points" / Path(p.result_dir).name if front.folder and p.result_dir else None
+        for p in front.points
+    ]
+    return replace(front, solutions=[None if place is None else read(place) for place in places])
 
 
 def _against(data: Mapping[str, Any]) -> HopObjective:

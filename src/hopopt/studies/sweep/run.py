@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hopopt.errors import ProblemFileError, UsageError
+from hopopt.errors import ProblemFileError, ResultError, UsageError
 from hopopt.files import remove_abandoned
 from hopopt.ocp.objectives.registry import find
 from hopopt.studies.faults import kept
@@ -28,6 +28,7 @@ from hopopt.studies.sweep.store import (
     load_begin,
     load_points,
     open_folder,
+    read_definition,
     save_point,
     save_tables,
 )
@@ -107,6 +108,22 @@ class Study:
     def failures(self) -> list[Point]:
         """The points without a verified hop."""
         return [p for p in self.points if not p.verified]
+
+
+def is_study(folder: Path) -> bool:
+    """Whether a folder is that of a design study."""
+    return (folder / "sweep.json").is_file()
+
+
+def study_in(folder: Path) -> Study:
+    """The study in a folder with all points that are finished; ResultError if none is, or one cannot be trusted."""
+    definition, latest = read_definition(folder), dict[int, Point]()
+    for _, points in sorted(load_points(folder, definition).items()):
+        latest |= points
+    if not latest:
+        verify, state = (" --verify-best 5", "verified") if definition.preliminary else ("", "finished")
+        raise ResultError(f"{folder}: no point of this study is {state}: hopopt sweep --resume {folder}{verify}")
+    return Study(definition, tuple(latest[k] for k in sorted(latest)), folder, sum(p.seconds for p in latest.values()))
 
 
 def run(

@@ -11,6 +11,7 @@ import csv
 import hashlib
 import io
 import json
+import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -193,22 +194,35 @@ def _figure(point: Point, name: str) -> float | None:
 def dataset(definition: Definition, points: Sequence[Point]) -> "xr.Dataset":
     """All points with the varied entries as dimensions (a grid) or as coordinates of the points (a sample).
 
-    Heights are not-a-number where a point is not verified; ``outcome`` says why.
+    Heights are not-a-number where a point is not verified; ``outcome`` says why. Points that are not finished are left out
+    of a sample, and have no outcome in a grid. Each entry has another name without dots, such as leg_gear_ratio.
     """
     import xarray as xr  # takes a while, and only the last step of a study needs it
 
     shape, entries = definition.shape, [axis.entry for axis in definition.axes]
     dims = tuple(entries) if shape else ("point",)
-    size = shape or (len(points),)
+    by_index = {p.index: p for p in points}
+    every = [by_index.get(k) for k in range(len(definition.points))] if shape else list(points)
+    size = shape or (len(every),)
 
     units, variables = {"seconds": "s", "objective_value": find(definition.objective).unit}, dict[str, Any]()
     for name in (*COLUMNS, *HEIGHT_PARTS):
-        column = np.array([_figure(p, name) for p in points], dtype=float).reshape(size)  # None: not-a-number
+        column = np.array([p and _figure(p, name) for p in every], dtype=float).reshape(size)  # None: not-a-number
         variables[name] = (dims, column, {"units": units.get(name, "m")})
     for name in ("outcome", "sentence"):
-        variables[name] = (dims, np.array([getattr(p, name) for p in points]).reshape(size))
+        variables[name] = (dims, np.array([getattr(p, name, "") for p in every]).reshape(size))
     along = {a.entry: list(a.values) for a in definition.axes} if shape else {}
-    coords = along or {e: ("point", definition.points[:, k]) for k, e in enumerate(entries)}
-    return xr.Dataset(
-        variables, coords, {"problem": definition.design.name, "objective": definition.objective, "units": "SI"}
-    )
+    rows = definition.points[[p.index for p in points]]
+    coords: dict[str, Any] = along or {e: ("point", rows[:, k]) for k, e in enumerate(entries)}
+    coords |= {
+        alias: (e if shape else "point", along.get(e, rows[:, k]))
+        for k, e in enumerate(entries)
+        if (alias := alias_of(e)) != e
+    }
+    about = {"problem": definition.design.name, "objective": definition.objective, "units": "SI"}
+    return xr.Dataset(variables, coords, about)
+
+
+def alias_of(entry: str) -> str:
+    """The name of an entry that Python takes as one: leg_gear_ratio, hop_stance_duration_1."""
+    return re.sub(r"\W+", "_", entry).strip("_")

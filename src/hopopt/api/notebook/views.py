@@ -8,10 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopopt.comparison.compare import OPTIMUM, Comparison
+from hopopt.comparison.hops.hop_after_hop import HopsComparison
+from hopopt.comparison.robust.robust import RobustHop
 from hopopt.leg.kinematics import contact_axes
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
+from hopopt.studies.pareto.front import Front
+from hopopt.studies.sweep.point_file import NOT_VERIFIED, VERIFIED
 from hopopt.studies.sweep.run import Study
+from hopopt.studies.sweep.store import alias_of
 
 if TYPE_CHECKING:
     import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
@@ -72,8 +77,8 @@ def solution_frame(solution: Solution, t: ArrayLike | None = None) -> "pd.DataFr
     return pd.DataFrame(columns, index=pd.Index(data["t"].values, name="t [s]"))
 
 
-def comparison_frame(comparison: Comparison) -> "pd.DataFrame":
-    """A row for every strategy, the optimum first, with the figures that are numbers; the unit ends a column's name."""
+def comparison_frame(comparison: Comparison | HopsComparison) -> "pd.DataFrame":
+    """A row for every strategy, an optimum from rest first, with the figures that are numbers; the unit ends a column's name."""
     import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
 
     rows = comparison.as_dict()["strategies"]
@@ -91,19 +96,74 @@ def _numbers(row: Mapping[str, Any], path: str = "") -> dict[str, float]:
     return found
 
 
-def comparison_dataset(comparison: Comparison) -> "xr.Dataset":
-    """The same as a dataset along the strategies."""
-    return comparison_frame(comparison).to_xarray()
+def comparison_dataset(comparison: Comparison | HopsComparison) -> "xr.Dataset":
+    """The same as a dataset along the strategies; what has dots in its name has another one without them."""
+    return with_aliases(comparison_frame(comparison).to_xarray())
+
+
+def with_aliases(data: "xr.Dataset") -> "xr.Dataset":
+    """A dataset whose variables with dots in their names are there under names without dots too: peaks_ground_force_N."""
+    return data.assign({alias: data[n] for n in data.data_vars if (alias := alias_of(str(n))) != n})
 
 
 def study_dataset(study: Study) -> "xr.Dataset":
-    """The points with a dimension for each varied entry if they are a grid."""
-    return study.dataset
+    """The points with a dimension for each varied entry if they are a grid; ``sel`` takes leg_gear_ratio for leg.gear.ratio."""
+    data, entries = study.dataset, [axis.entry for axis in study.definition.axes]
+    aliases = [alias_of(entry) for entry in entries if alias_of(entry) != entry and study.definition.shape]
+    for alias in aliases:
+        data = data.set_xindex(alias)
+    return data
 
 
 def study_frame(study: Study) -> "pd.DataFrame":
     """A row for every point: the varied entries, then what came of it."""
-    return study.dataset.to_dataframe().reset_index()
+    data, entries = study.dataset, [axis.entry for axis in study.definition.axes]
+    aliases = [alias for entry in entries if (alias := alias_of(entry)) != entry]
+    return data.drop_vars(aliases).to_dataframe().reset_index()
+
+
+def front_frame(front: Front) -> "pd.DataFrame":
+    """A row for every point in the order of the clearances asked for; columns are named as those of a study."""
+    import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
+
+    rows = [
+        {
+            "asked_m": p.asked_m, "point": p.kind, "outcome": VERIFIED if p.verified else NOT_VERIFIED, "clearance_m": p.clearance_m,
+            "objective_value": p.value, "least": p.least, "seconds": p.seconds, "sentence": p.sentence,
+        }
+        for p in front.points
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def front_dataset(front: Front) -> "xr.Dataset":
+    """The same along the clearances asked for."""
+    table: Any = front_frame(front)
+    data = table.set_index("asked_m").to_xarray()
+    units = {"asked_m": "m", "clearance_m": "m", "objective_value": front.against.unit, "seconds": "s"}
+    for name, unit in units.items():
+        data[name].attrs["units"] = unit
+    return data.assign_attrs(problem=front.design.name, objective=front.against.name)
+
+
+def robust_frame(found: RobustHop) -> "pd.DataFrame":
+    """A row for every drawn leg and strategy; columns are named as those of a study."""
+    import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
+
+    rows = [
+        {"strategy": name, "leg": k, "outcome": outcome, "clearance_m": float(height)}
+        for name, r in found.reached.items()
+        for k, (height, outcome) in enumerate(zip(r.clearances, r.outcomes, strict=True))
+    ]
+    return pd.DataFrame(rows)
+
+
+def robust_dataset(found: RobustHop) -> "xr.Dataset":
+    """The same along strategies and legs."""
+    table: Any = robust_frame(found)
+    data = table.set_index(["strategy", "leg"]).to_xarray()
+    data["clearance_m"].attrs["units"] = "m"
+    return data
 
 
 def solution_html(solution: Solution) -> str:
