@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -82,8 +82,10 @@ def classes() -> dict[str, list[type]]:
     return found
 
 
-def has(kind: type, member: str) -> bool:
-    """Whether objects of a class have it: a method, a field, or what its first lines set."""
+def has(kind: Any, member: str) -> bool:
+    """Whether objects of a class, or of one of several, have it: a method, a field, or what its first lines set."""
+    if several := get_args(kind):
+        return any(has(one, member) for one in several)
     fields = {**getattr(kind, "__dataclass_fields__", {}), **getattr(kind, "model_fields", {})}
     return (
         hasattr(kind, member)
