@@ -28,6 +28,17 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         shutil.rmtree(os.environ.pop(FOLDER, ""), ignore_errors=True)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What is run rarely is slow too, and left out unless HOPOPT_TESTS=all asks for it, as before a release."""
+    skipped = pytest.mark.skip(reason="half a minute and more for what rarely breaks: HOPOPT_TESTS=all runs it")
+    for item in items:
+        if item.get_closest_marker("rarely"):
+            item.add_marker("slow")
+            if os.environ.get("HOPOPT_TESTS") != "all":
+                item.add_marker(skipped)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def nothing_compiled() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:

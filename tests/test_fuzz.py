@@ -158,6 +158,7 @@ def test_arguments(no_search: None, capsys: pytest.CaptureFixture[str]) -> None:
     assert codes.count(2) > 50 * TIMES
 
 
+@pytest.mark.slow
 def test_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Those of a robot's hop and their maps of names."""
     trace = simulate(load("paper"), BUILT_IN["force"]).trace

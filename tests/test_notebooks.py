@@ -12,8 +12,6 @@ import nbformat
 import pytest
 from nbmake.nb_run import NotebookRun
 
-from rarely import rarely
-
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 HANGS = 1200  # [s]; what they really take is printed, as no test
 LARGEST = 400_000  # bytes
@@ -84,7 +82,8 @@ STUDIES = (
     "07",
 )  # what they run is tried by the tests of comparisons, sweeps, co-design, hops after each other and robust plans
 RUNS = [  # the longest first, beside the others
-    pytest.param(path, marks=[rarely] if path.stem[:2] in STUDIES else [], id=path.stem) for path in NOTEBOOKS[::-1]
+    pytest.param(path, marks=[pytest.mark.rarely] if path.stem[:2] in STUDIES else [], id=path.stem)
+    for path in NOTEBOOKS[::-1]
 ]
 
 

@@ -24,7 +24,6 @@ from hopopt.ocp.rules import RULES
 from hopopt.problem.own import with_constraints
 from hopopt.studies.pareto.front import FrontPoint, read_front
 from once import solved_once
-from rarely import rarely
 from registries import clean_registries
 
 MOST = {"parameters.most": {"value": 400.0, "lower": 100.0, "upper": 2000.0, "unit": "N"}}
@@ -136,8 +135,7 @@ def test_a_limits_own_number_has_the_derivative_that_solving_again_gives() -> No
     assert slope.m_per_unit == pytest.approx((high.clearance - low.clearance) / 20, rel=0.02)
 
 
-@pytest.mark.slow
-@rarely
+@pytest.mark.rarely
 def test_functions_that_are_given_have_derivatives_too() -> None:
     @ho.objective(unit="m", scale=0.5)
     def com_rise(end: Moment) -> Any:
@@ -164,7 +162,7 @@ def test_a_limits_own_number_can_be_free() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["periodic", pytest.param("landing", marks=rarely)])
+@pytest.mark.parametrize("kind", ["periodic", pytest.param("landing", marks=pytest.mark.rarely)])
 def test_other_hops_keep_it(kind: str) -> None:
     found = solved_once(MOST | {"hop.constraints": ["soft"], "hop.kind": kind})
     assert found.verified

@@ -111,6 +111,7 @@ def test_a_tampered_file_fails(solved: tuple[dict, Path], tmp_path: Path, group:
     assert {"tables agree with the collocation data", "files as they were written"} <= set(failed)
 
 
+@pytest.mark.slow
 def test_coarse_hop_is_not_stated_as_an_answer(tmp_path: Path) -> None:
     mesh = ["--set", "solver.stance_intervals=12", "--set", "solver.flight_intervals=12"]
     done = said("solve", *COARSE, *mesh, cwd=tmp_path)

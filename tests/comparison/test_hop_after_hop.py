@@ -54,6 +54,7 @@ def bound() -> Solution:
 # ---- runs cut into hops ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_first_of_many_hops_is_the_hop_from_rest() -> None:
     alone = simulate(leg(), find("force_tuck"), compiled=True).figures
     first = three_hops().each[0]
@@ -160,6 +161,7 @@ def made(*names: str, asked: int = 3, **more: object) -> HopsComparison:
     return HopsComparison(bound(), None, hops, asked, 0.02, **more)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_parts_of_the_gap_add_up_and_the_bound_holds() -> None:
     found = made("force_tuck")
     data = found.as_dict()
@@ -266,7 +268,7 @@ def tracked() -> HopsTrial:
     return HopsTrial(leg(), "track", reference_of(plan), apex_of(plan))
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_tracked_orbit_is_kept_up_from_two_centimetres_off() -> None:
     trial = tracked()
     assert trial.reference is not None

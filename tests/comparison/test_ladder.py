@@ -22,7 +22,6 @@ from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.storage.solution import save
 from once import plan_with_reserve, simulated_once
-from rarely import rarely
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +50,7 @@ def test_the_simulated_hop_keeps_all_that_is_withheld(pd: HopFigures) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("orders", [1, pytest.param(2, marks=rarely)])
+@pytest.mark.parametrize("orders", [1, pytest.param(2, marks=pytest.mark.rarely)])
 def test_the_rungs_rise_to_the_bound_in_every_order(hop: Solution, orders: int) -> None:
     """Each is a verified optimum, and the gains of every order sum to the whole gap."""
     comparison = compare(hop.design, ["force_tuck"], bound=hop)
@@ -114,7 +113,7 @@ def test_a_problem_without_losses_is_the_lossless_one() -> None:
     assert without_losses(load("paper")) is None
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_losses_cost_what_the_lossless_leg_has_more(hop: Solution, pd: HopFigures) -> None:
     """Of PD control and of the bound, each against its own hop with gears that lose nothing."""
     lossy = load("paper", {"leg.gear.efficiency": 0.9})

@@ -138,6 +138,7 @@ def test_a_leg_that_no_problem_may_have_is_said(legs: Callable[[Design], object]
         legs(load("paper", {"leg.body.mass": 1000.0}))
 
 
+@pytest.mark.slow
 def test_runs_on_draws_are_those_of_single_runs_and_falls_are_counted() -> None:
     """PD control on rough ground, in this process and by the workers; a leg without torque falls."""
     design = load("paper", {"contact.friction": 0.6})
@@ -368,7 +369,7 @@ def test_where_weight_is_not_enough_torque_and_speed_are_held_back_too(monkeypat
     assert "45% of the weight and 8% of torque and speed, is the least" in found.words
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_what_is_promised_of_simulated_legs_is_kept() -> None:
     """PD control, 20 promises of 5 legs each: they are above what half of 80 other legs reaches no more often than
     their confidence says."""

@@ -66,6 +66,7 @@ def momentum_is_what_was_given(found: Transition) -> None:
     assert given == pytest.approx(momentum, abs=1e-3 * machine.mass * 9.81 * found.plan.duration)
 
 
+@pytest.mark.slow
 def test_one_hop_leads_from_rest_onto_the_orbit() -> None:
     found = from_rest()
     assert found.verified
@@ -75,7 +76,7 @@ def test_one_hop_leads_from_rest_onto_the_orbit() -> None:
     momentum_is_what_was_given(found)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_fast_orbit_takes_two_hops() -> None:
     found = two_hops()
     assert found.verified
@@ -156,6 +157,7 @@ def test_no_way_is_said_with_what_is_missed() -> None:
         transition(fast.design, orbit=fast, most=1)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     folder = save(orbit(), tmp_path).result_dir
     with monkeypatch.context() as known:

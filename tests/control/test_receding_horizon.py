@@ -21,7 +21,6 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.plant import PAST_APEX
 from once import solved_once
-from rarely import rarely
 
 PLAN = {  # an unrefined plan on ground with friction; it may pass its limits between the nodes
     "solver.refine": False, "solver.stance_intervals": 60, "solver.flight_intervals": 30, "contact.friction": 0.6,
@@ -114,8 +113,7 @@ def test_its_hop_is_the_planned_one(solution: Solution, plan: PlanReference) -> 
     assert run.figures.clearance == pytest.approx(solution.clearance, abs=0.01)
 
 
-@rarely
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_legs_that_the_regulator_lets_fall_hop() -> None:
     """Weak and heavy legs ask for more than their drives and the ground give: what a clamp makes of that is not the best."""
     design = load("paper", {"contact.friction": 0.6, "reserve.torque": 0.0, "reserve.speed": 0.03})

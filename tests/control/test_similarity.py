@@ -70,6 +70,7 @@ def test_regulator_and_filter_of_a_similar_leg_are_similar(size: float) -> None:
             assert np.all(np.abs(found - papers) <= 1e-5 * largest + 1e-9 * largest.max()), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["force", "position_tuned", "track", "track_pd"])
 @given(st.floats(0.1, 4.0))
 @settings(max_examples=1, deadline=None, phases=[Phase.generate])

@@ -335,6 +335,7 @@ def own_module(monkeypatch: pytest.MonkeyPatch) -> str:
     return "my_strategies"
 
 
+@pytest.mark.slow
 def test_a_class_of_ones_own_is_asked_at_every_control_instant(own_module: str, paper: Design) -> None:
     strategy = find(f"{own_module}:Standing")
     design = load("paper", {"simulation.control_rate": 500.0, "hop.stance_duration": [0.03, 0.1]})
@@ -367,6 +368,7 @@ def test_a_simulation_that_breaks_down_ends_and_says_so(own_module: str, paper: 
     assert np.isfinite(run.trace.v).all()
 
 
+@pytest.mark.slow
 def test_strategies_come_from_other_packages(own_module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def installed(group: str) -> list[EntryPoint]:
         return [EntryPoint("theirs", f"{own_module}:Standing", group)] if group == "hopopt.strategies" else []

@@ -133,6 +133,7 @@ def test_every_command_runs(
         capfd.readouterr()
 
 
+@pytest.mark.slow
 def test_the_controller_of_the_page_hops_and_folds_at_lift_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It rises on its own push; after lift-off its knee is folded further than when it left."""
     monkeypatch.syspath_prepend(tmp_path)

@@ -102,6 +102,7 @@ def test_a_strategy() -> None:
     assert r.trace.events[0].t == pytest.approx(0.10, abs=0.005)
 
 
+@pytest.mark.slow
 def test_a_drive_law() -> None:
     law = run("A drive law")["derated"]
     region = half_planes.OperatingRegion(tuple(law(1 / 200.0, 1 / 12.0)))

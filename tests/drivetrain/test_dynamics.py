@@ -98,6 +98,7 @@ def test_the_plant_has_the_closed_form_of_a_lag() -> None:
     assert run.energy_error < 1e-6
 
 
+@pytest.mark.slow
 def test_a_controller_hops_with_it() -> None:
     """The paper's force control on a drive that lags hops, and differently from a prompt one."""
     paper = load("paper")

@@ -180,7 +180,7 @@ def test_no_motor_of_the_optimum_gives_more_than_its_power(capped: Solution) -> 
     assert found.values["clearance_m"] == pytest.approx(capped.clearance, abs=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_clearance_falls_with_the_power(capped: Solution) -> None:
     found = [solve(load("paper", x), starts=1).clearance for x in ({}, {"leg.motor.power_cap": 300.0})]
     assert all(a > b + 1e-3 for a, b in pairwise([found[0], capped.clearance, found[1]]))

@@ -22,7 +22,6 @@ from hopopt.problem.load import load
 from hopopt.verify.drives import losses
 from hopopt.verify.whole_hop import whole_hop_rollout
 from once import solved_once
-from rarely import rarely
 
 V, R_S = 48.0, 0.2
 HUGE = 1e9  # N m, that no motor gives
@@ -167,16 +166,14 @@ def _heats(hop: Solution) -> list[float]:
     return [speed / stall] * 2
 
 
-@rarely
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_clearance_falls_as_efficiency_falls_and_as_the_supply_weakens(hop: Solution) -> None:
     several = [{}, {"leg.gear.efficiency": 0.9}, {"leg.gear.efficiency": 0.7}]
     found = [solve(load("paper", entries), starts=1).clearance for entries in several] + [hop.clearance]
     assert all(a > b + 1e-3 for a, b in pairwise(found))
 
 
-@rarely
-@pytest.mark.slow
+@pytest.mark.rarely
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize(
     ("entries", "least"),

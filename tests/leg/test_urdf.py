@@ -23,7 +23,6 @@ from hopopt.leg.kinematics import joint_positions
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem.load import changed
 from hopopt.sim.machine import Machine
-from rarely import rarely
 
 PUBLIC = ("solo12_leg", "a1_leg", "go1_leg", "go2_leg", "b1_leg", "hyq_leg")
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -292,7 +291,8 @@ ALIKE = ("go1_leg", "go2_leg", "b1_leg")  # as a1_leg: the same robot in other s
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[rarely] if name in ALIKE else []) for name in (*PUBLIC, "three_joint")]
+    "name",
+    [pytest.param(name, marks=[pytest.mark.rarely] if name in ALIKE else []) for name in (*PUBLIC, "three_joint")],
 )
 def test_public_legs_solve_and_verify(name: str) -> None:
     solution = solve(load(name), starts=1)

@@ -152,6 +152,7 @@ def test_the_checks_leg_is_pinocchios(softly: Solution) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-5, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_an_objective_of_ones_own_at_the_end() -> None:
     s = ho.solve(ho.load("paper", {"solver.max_refinements": 12}), foot_height, starts=1, processes=1)
     assert s.verified, s.summary.failed_checks
@@ -225,6 +226,7 @@ def test_a_leg_that_leaves_the_plane_has_a_force_of_three_parts() -> None:
     assert [str(c.name) for phase in hop.problem.phases for c in phase.path].count(custom(forces).name) == 2
 
 
+@pytest.mark.slow
 def test_a_stored_result_names_its_function_and_does_not_run_it(
     softly: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

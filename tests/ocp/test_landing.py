@@ -191,6 +191,7 @@ def test_false_landings_are_found() -> None:
     assert {"descent replay", "descent inverse dynamics"} <= names(s, changed(s, DESCENT, tau=weak))
 
 
+@pytest.mark.slow
 def test_a_stored_landing_is_read_drawn_and_verified_again(tmp_path: Path) -> None:
     s = read(save(softest(), tmp_path).result_dir or "")
     assert recheck(s).verified

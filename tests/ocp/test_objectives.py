@@ -23,7 +23,6 @@ from hopopt.verify.measures import MEASURES
 from hopopt.verify.plan import verify_plan
 from hopopt.verify.table import FLIGHT, STANCE
 from once import solved_once
-from rarely import rarely
 
 CLEARANCE = 0.3  # m
 WINDING = {"leg.motor.winding_resistance": 0.5, "leg.motor.torque_constant": 0.05}
@@ -44,6 +43,7 @@ def lift(s: Solution) -> float:
     return machine.energy(flight.q[-1, -1], flight.v[-1, -1]) - machine.energy(stance.q[0, 0], stance.v[0, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", EACH)
 def test_optimum_is_verified_and_clears_just_what_is_asked_for(objective: str) -> None:
     s = best(objective)
@@ -128,7 +128,7 @@ def test_a_torque_cap_at_the_least_peak_just_reaches_the_clearance() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", ["energy", pytest.param("absolute_work", marks=rarely)])
+@pytest.mark.parametrize("objective", ["energy", pytest.param("absolute_work", marks=pytest.mark.rarely)])
 def test_least_work_lies_between_the_gain_and_other_hops_work(objective: str) -> None:
     """Positive work is at least the gain of energy, and no more than what the electrical optimum does."""
     s = best(objective)
@@ -211,6 +211,7 @@ def test_command_line_states_the_least(tmp_path: Path, capfd: pytest.CaptureFixt
     assert {"claimed time_s", "clearance asked for"} <= set(names)
 
 
+@pytest.mark.slow
 def test_an_unverified_figure_is_not_stated(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     asked = ["--objective", "peak_torque", "--set", "hop.clearance=0.3", "--starts", "1", "--results", str(tmp_path)]
     assert run(["solve", *asked, "--no-figures", "--json", "--set", "solver.refine=false"]) == 3
@@ -219,6 +220,7 @@ def test_an_unverified_figure_is_not_stated(tmp_path: Path, capfd: pytest.Captur
     assert s["unverified_peak_torque_Nm"] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", ["peak_force", "impact"])
 def test_one_value_is_stated_of_a_hop(objective: str) -> None:
     """By the headline, objective_value, the starts and the error's line, the tie-break in none of them."""

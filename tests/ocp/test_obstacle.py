@@ -92,7 +92,7 @@ def over() -> Solution:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_hop_clears_what_it_says_and_a_planted_intrusion_fails() -> None:
     """Two ways: the program's smooth distance, and the area that the links of the stored table sweep."""
     s = over()

@@ -168,6 +168,7 @@ def test_the_highest_periodic_hop() -> None:
     assert s.summary.objective_error.simulated.followed
 
 
+@pytest.mark.slow
 def test_a_stored_cycle_is_checked_again_and_a_perturbed_one_fails(tmp_path: Path) -> None:
     s = read(save(highest(), tmp_path).result_dir)  # type: ignore[arg-type]
     again = recheck(s)

@@ -34,7 +34,7 @@ def test_no_pose_of_a_grid_clears_more(entries: list[str]) -> None:
     assert max(heights) < heights[0] + 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_of_two_ways_to_fold_the_search_finds_the_better() -> None:
     """The nearer way ends with the foot over the hip and the knee lowest, at 0.6398 m."""
     s = solve(load("paper", TWO_WAYS), processes=1)

@@ -40,6 +40,7 @@ def design() -> Design:
     return load("paper", SHORT)
 
 
+@pytest.mark.slow
 def test_alike_legs_hop_as_one_leg_does(design: Design) -> None:
     """Two legs that are the believed one reach its own optimum on the same mesh."""
     plan = solved_once([*SHORT, "solver.refine=false"])
@@ -50,6 +51,7 @@ def test_alike_legs_hop_as_one_leg_does(design: Design) -> None:
     assert found.clearance == pytest.approx(float(best.parameters[CLEARANCE].item()), abs=5e-4)
 
 
+@pytest.mark.slow
 def test_every_leg_follows_the_law_and_its_own_equations_of_motion(design: Design) -> None:
     """At the program's nodes, torques from Pinocchio's inverse dynamics of each leg; both reach the same clearance."""
     data = design.model_dump(exclude_none=True)

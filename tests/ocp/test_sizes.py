@@ -14,7 +14,6 @@ from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from rarely import rarely
 from similar_legs import POWERS, similar
 
 SIZES = (0.25, 3.0)  # times the paper's leg
@@ -26,7 +25,7 @@ ASKED = [
     pytest.param(
         name, size,
         marks=[pytest.mark.slow] * ((name, size) not in QUICK)
-        + [rarely] * ((name in SLOW and size < 1) or name in LONGER),
+        + [pytest.mark.rarely] * ((name in SLOW and size < 1) or name in LONGER),
     )
     for name in ("clearance", "peak_force", *SLOW) for size in SIZES
 ]  # fmt: skip
@@ -84,6 +83,7 @@ def test_the_program_of_a_similar_leg_is_the_same(kind: str, objective: str, siz
         np.testing.assert_allclose(there, here[name], rtol=1e-6, atol=1e-6, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("objective", "size"), ASKED)
 def test_values_scale_within_the_stated_estimate(objective: str, size: float) -> None:
     here, there = (best(objective, k).summary for k in (1.0, size))

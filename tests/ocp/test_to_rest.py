@@ -31,6 +31,7 @@ def soft() -> Solution:
     return solved_once(SOFT)
 
 
+@pytest.mark.slow
 def test_a_soft_landing_costs_no_height() -> None:
     """The hop that never lands bounds it from above: the same program without what follows the apex."""
     single = solved_once()
@@ -104,6 +105,7 @@ def test_a_landing_that_does_not_begin_as_the_impact_ends_fails() -> None:
     assert "landing begins as the impact leaves the leg" in [c.name for c in checks if not c.passed]
 
 
+@pytest.mark.slow
 def test_a_stored_landing_is_checked_again(tmp_path: Path) -> None:
     folder = save(soft(), tmp_path).result_dir
     assert folder is not None
@@ -136,6 +138,7 @@ def test_the_softest_and_the_quickest() -> None:
     assert quickest.summary.landing.rest_s == pytest.approx(quickest.summary.time_s)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_landed_is_named() -> None:
     """A leg that has 10 ms to stop: the landing's time, and the drives in it."""
     asked = {**SOFT, "hop.landing_duration": (0.01, 0.01), "hop.clearance": 0.3}

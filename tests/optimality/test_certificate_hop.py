@@ -157,6 +157,7 @@ def test_faults_are_found_beside_a_costate_that_is_large_for_an_instant() -> Non
     assert "flight transversality at its end" in failed(certify(replace(s, lam_g=lam_g)))
 
 
+@pytest.mark.slow
 def test_stored_and_recomputed(hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = save(hop, tmp_path).result_dir
     assert run(["verify", str(folder), "--json"]) == 0

@@ -282,6 +282,7 @@ def test_a_leg_that_is_not_simulated_says_so() -> None:
     assert not not_simulated(load("paper"))
 
 
+@pytest.mark.slow
 def test_a_stored_error_that_is_made_smaller_is_found(hop: Solution, tmp_path: Path) -> None:
     saved = save(hop, tmp_path)
     assert saved.result_dir

@@ -32,7 +32,6 @@ from hopopt.paper.result import (
 )
 from hopopt.paper.tracking_demand import point_masses, tracking_saturation
 from hopopt.problem.load import load, template
-from rarely import rarely
 from refusals import refusal
 
 QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0}  # coarser steps make C_avg jump
@@ -65,8 +64,7 @@ def round_trip(printed: Sequence[Figure], rate: float) -> Calibration:
     return calibrate(leg, figures, held_out=(), free=free, options=SOFT, scanned=0, starts=1, processes=1)
 
 
-@rarely
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_known_motor_is_recovered_from_its_own_figures() -> None:
     c = round_trip(SIMULATION, rate=1000.0)
     for p, true in zip(c.parameters, TRUE.values(), strict=True):
@@ -77,7 +75,7 @@ def test_a_known_motor_is_recovered_from_its_own_figures() -> None:
     assert c.matched
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_an_exact_fit_is_no_identification() -> None:
     """Position control's two figures are met exactly by more than one motor: the fit is perfect, and nothing is known."""
     c = round_trip(SIMULATION[2:], rate=500.0)
@@ -86,8 +84,7 @@ def test_an_exact_fit_is_no_identification() -> None:
     assert c.undetermined
 
 
-@rarely
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_one_saturation_does_not_determine_two_values() -> None:
     only = SIMULATION[1:2]
     leg = design(**{"simulation.control_rate": 500.0})

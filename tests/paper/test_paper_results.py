@@ -49,7 +49,7 @@ def test_a_match_is_within_ten_per_cent(hops):
                 assert row.matches == (abs(found / paper - 1) <= NEAR_PRINTED)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_another_leg_is_not_graded(capsys):
     for other in (["paper", "--set", "leg.body.mass=5"], ["solo12_leg"]):  # which is off the ground at once
         assert run(["reproduce", *other]) == 0

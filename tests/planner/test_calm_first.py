@@ -10,7 +10,6 @@ from hopopt.planner.search.calm_first import CALM, calmest, uncalmed
 from hopopt.planner.search.multistart import SAME_OPTIMUM, first_transcription, run_chunk, solution_of
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from rarely import rarely
 
 ASKED = {"hop.clearance": 0.4}
 KNOWN = {"energy": 36.2478, "absolute_work": 41.3834}  # J, of hops of the paper's leg that are verified
@@ -37,8 +36,8 @@ def test_what_the_first_mesh_tells_apart_is_one_hop_where_it_can_be_compared() -
     assert own.tie_break < found[0].tie_break < CALM * own.tie_break
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=rarely) for seed in (1, 2))])
+@pytest.mark.rarely
+@pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("objective", KNOWN)
 def test_no_start_leads_to_more_work_than_is_known(objective: str, seed: int) -> None:
     s = solve(load("paper", {**ASKED, "solver.seed": seed}), objective).summary

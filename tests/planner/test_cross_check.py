@@ -189,7 +189,7 @@ def test_on_the_command_line(
     assert re.search(r"radau-5, on one mesh: DISAGREES: .* its local error is \de-\d\d \(\d+ s\)\n", out), out
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_who_agrees_on_the_paper_s_leg() -> None:
     s = solve(load("paper"), starts=1, cross_check=True)
     assert s.verified

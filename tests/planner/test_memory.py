@@ -8,13 +8,11 @@ import pytest
 
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from rarely import rarely
 
 PAGE = 4096  # bytes
 
 
-@rarely
-@pytest.mark.slow
+@pytest.mark.rarely
 @pytest.mark.skipif(sys.platform != "linux", reason="the size of a process is read from /proc")
 def test_memory_does_not_grow_with_the_number_of_solves() -> None:
     """The first dozen fills caches; after it a solve leaves less than 0.15 MB behind."""

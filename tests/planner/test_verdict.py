@@ -41,6 +41,7 @@ def answer() -> Answer:
     return refine_and_verify(hop, run_chunk(hop, [0])[0], lambda text: None)
 
 
+@pytest.mark.slow
 def test_a_solve_a_point_and_a_stored_result_have_the_same_checks(
     answer: Answer, hop: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -143,6 +143,7 @@ def labels(figure: Figure) -> str:
     return " ".join(text.get_text() for text in figure.legends[0].get_texts())
 
 
+@pytest.mark.slow
 def test_only_limits_that_hold_are_drawn(solved: Callable[[str], Solution]) -> None:
     """The friction cone where there is friction, the foot window where the objective has one."""
     for case in CASES:

@@ -229,6 +229,7 @@ def test_a_leg_that_never_flies_has_no_losses_by_cause(runs: Callable[[str], Run
     assert "limp: no clearance" in [label.replace("*", "") for label in labels]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_poses_are_to_scale_apart_and_in_columns(runs: Callable[[str], Runs], case: str) -> None:
     """Links have their lengths, no pose touches the next, poses as long after lift-off stand above each other, and the

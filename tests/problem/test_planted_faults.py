@@ -235,6 +235,7 @@ def test_a_torque_too_small_to_carry_the_leg() -> None:
     assert "a stronger motor, a higher gear ratio, a lighter leg.body.mass or a higher start" in sentence
 
 
+@pytest.mark.slow
 def test_a_leg_that_cannot_stand_may_hop() -> None:
     """Its foot is on the ground, its body free to move along: it leaves the pose that it cannot hold."""
     design = load("paper", ["leg.motor.max_torque=0.25"])

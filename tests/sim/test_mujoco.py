@@ -205,6 +205,7 @@ def test_a_plan_hops_as_high_in_mujoco() -> None:
         assert use.max() <= 1 + 1e-9
 
 
+@pytest.mark.slow
 def test_even_without_feedback_a_plan_hops_almost_as_high() -> None:
     """Torques alone from rest: nothing but MuJoCo's equations of motion leads to the plan's height."""
     run = replay(plan().robot, plan(), stiffness=0.0, damping=0.0, control_period=2.5e-5, time_step=2.5e-5)

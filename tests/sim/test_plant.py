@@ -292,6 +292,7 @@ def test_an_error_of_the_energy_is_seen(smooth: dict[float, Trace]) -> None:
     assert replace(trace, events=impact).energy_error > 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", [Gear(efficiency=0.7), Gear(damping=1.5), Gear(friction=3.0), Gear(0.8, 2.0, 0.5)])
 def test_gears_only_take_energy_and_the_balance_still_closes(paper: Design, gear: Gear) -> None:
     robot = build_robot(paper.leg)

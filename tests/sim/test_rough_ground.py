@@ -235,6 +235,7 @@ def test_ground_that_grips_enough_is_ideal_ground() -> None:
     assert rough.trace.times_of("lift-off") == pytest.approx(ideal.trace.times_of("lift-off"), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_compiled_ideal_ground_is_the_same_plant() -> None:
     """With landings, some of which bounce."""
     design = load("paper")

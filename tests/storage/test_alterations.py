@@ -148,6 +148,7 @@ def all_told(stored: Path, count: int, work: Path, capsys: pytest.CaptureFixture
     assert told(stored, capsys) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("nothing_else_notices")
 def test_an_altered_entry_is_told(stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     all_told(stored, FEW, tmp_path, capsys)

@@ -100,6 +100,7 @@ def test_a_change_that_no_figure_feels_is_told_and_not_sealed(
     assert not read(stored).verified
 
 
+@pytest.mark.slow
 def test_a_repair_computes_figures_again_and_nothing_that_only_the_search_knew(
     stored: Path, hop: Solution, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -214,6 +215,7 @@ def test_a_study_is_verified_again(study: Path, capsys: pytest.CaptureFixture[st
     assert run(["sweep", "--resume", str(study), "--no-figures", "--json"]) == 0
 
 
+@pytest.mark.slow
 def test_a_points_clearance_that_was_changed_enters_no_table(
     study: Path, finished: Study, capsys: pytest.CaptureFixture[str]
 ) -> None:

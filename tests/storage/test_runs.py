@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 import xarray as xr
 
 from hopopt.control import strategies
@@ -11,6 +12,7 @@ from hopopt.problem.load import load
 from hopopt.storage.runs import ARRAYS, read_runs, save_runs
 
 
+@pytest.mark.slow
 def test_runs_are_read_back_and_say_what_they_hold(tmp_path: Path) -> None:
     design = load("paper")
     trace = simulate(design, strategies.find("force")).trace

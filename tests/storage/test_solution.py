@@ -127,6 +127,7 @@ def test_a_folder_that_cannot_be_written(solution: Solution, tmp_path: Path, mon
         prepare(blocked)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs a limit on the size of files")
 def test_a_disk_that_fills_up_while_writing(solution: Solution, tmp_path: Path) -> None:
     """HDF5 itself crashes then; in a process of its own, where no file may grow beyond 20 kB."""

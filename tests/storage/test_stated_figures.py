@@ -83,6 +83,7 @@ def test_every_edit_is_named(folder: Path) -> None:
         assert last in ", ".join(c.where for c in wrong), (figure, wrong)
 
 
+@pytest.mark.slow
 def test_a_summary_that_counts_the_tie_break_in_is_verified_as_what_it_was(folder: Path) -> None:
     """Version 1 stated the program's objective; a repaired one would state it as now."""
     stored = read(folder)
@@ -105,6 +106,7 @@ def test_an_edit_whose_digest_fits_is_not_verified(folder: Path, capsys: pytest.
     assert "NOT verified: figures of the summary as computed (upper_bound.clearance_m)" in last
 
 
+@pytest.mark.slow
 def test_an_entry_that_follows_from_others_is_not_believed(folder: Path, tmp_path: Path) -> None:
     """A check that says it passed is computed anew, and an entry that no check has is told; their digests fit."""
     for entry, value in (("passed", False), ("reason", "none")):

@@ -15,7 +15,6 @@ from hopopt.studies.choose.pairs import drives, pairs
 from hopopt.studies.choose.run import choose, written
 from hopopt.verify.upper_bound import upper_bound
 from once import solved_once
-from rarely import rarely
 
 SOME = ("maxon-ec90-flat-260", "maxon-ec45-flat-30", "csg-20-100", "csf-25-50", "unitree-n5020-16")
 
@@ -80,8 +79,7 @@ def test_what_cannot_be_asked_gets_one_sentence() -> None:
             choose(design, **{"clearance": 0.5, **wrong})
 
 
-@rarely
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_first_pair_is_verified_and_its_written_leg_hops_as_high(tmp_path: Path) -> None:
     """Preliminary within 0.2 per cent of what a solve of the written leg finds, verified within 1e-5 m."""
     design = load("paper")

@@ -230,7 +230,7 @@ def test_torque_that_weighs_on_the_command_line(tmp_path: Path, capfd: pytest.Ca
         assert s["clearance_m"] > json.loads(capfd.readouterr().out)["clearance_m"] * (1 - 1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_gear_as_strong_as_its_mass_is_worth() -> None:
     """The law of gears ends within the bounds, where a little more torque gains what its mass costs: the derivatives by
     both, from the multipliers of the fixed design, cancel along the law."""

@@ -43,6 +43,7 @@ def once(function: Callable[..., Any], number: int) -> Callable[..., Any]:
     return called
 
 
+@pytest.mark.slow
 def test_a_fault_of_a_point_is_said_and_kept_and_the_study_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -122,6 +123,7 @@ def test_a_fault_of_a_start_is_said_and_kept_and_it_counts_as_none(
     assert [e.index for e in local_optima.run_starts(folder, 2, 1, said.append)] == [0, 1]
 
 
+@pytest.mark.slow
 def test_a_fault_of_a_fronts_point_is_said_and_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pareto, "refined_and_verified", planted)
     found = pareto.front(load("paper", SMALL), "time", points=3, starts=1, processes=1, results=tmp_path)

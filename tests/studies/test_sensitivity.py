@@ -251,6 +251,7 @@ ENTRIES = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_derivatives_against_small_steps_on_the_same_mesh() -> None:
     """A leg on which nearly every limit is active; steps so small that the same ones stay active."""
     s, step = coarse("other"), 1e-5
@@ -278,6 +279,7 @@ def found(paper: Solution) -> list[Influence]:
     return sensitivity(paper)
 
 
+@pytest.mark.slow
 def test_a_changed_length_changes_the_start(paper: Solution, found: list[Influence]) -> None:
     """Without the start pose the derivative by the thigh's length would be a quarter too small."""
     i = confirmed(paper, by_name(found)["leg.thigh.length"])
@@ -310,6 +312,7 @@ def settled(s: Solution) -> Solution:
     return s.with_summary(verification=checks)
 
 
+@pytest.mark.slow
 def test_one_sided_derivatives_are_called_so() -> None:
     """Two caps at the same torque: lowering one costs height, raising it gains nothing."""
     s = settled(coarse("two caps"))
@@ -404,6 +407,7 @@ def test_sentences() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_json_of_a_stored_optimum(paper: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     arguments = [
         "--result",

@@ -167,6 +167,7 @@ def test_interrupted_it_says_how_to_go_on(number: signal.Signals, tmp_path: Path
     assert len(times(folder)) >= 1
 
 
+@pytest.mark.slow
 def test_a_leg_that_cannot_stand_is_not_solved(tmp_path: Path) -> None:
     asked = ["--vary", "leg.motor.max_torque=0.05,0.1", "--processes", "1", "--no-figures", "--json"]
     done = said("sweep", *asked, cwd=tmp_path)
