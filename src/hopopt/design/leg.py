@@ -84,6 +84,14 @@ class Motor(Section):
         "at which its torque and speed are meant (default: the supply's)", "V", 0.1, 1000, None, physical=True
     )
     winding_resistance: float | None = quantity("electrical resistance", "ohm", 1e-4, 1e3, None, physical=True)
+    winding_inductance: float | None = quantity(
+        "L: the voltage bears R i + k omega + L di/dt (default: current rises at once)",
+        "H",
+        1e-8,
+        10,
+        None,
+        physical=True,
+    )
     torque_constant: float | None = quantity("k: motor torque for each ampere", "N m/A", 1e-4, 100, None, physical=True)
     no_load_current: float | None = quantity(
         "i_0: current that turns the motor alone, whose torque k i_0 its own friction takes",

@@ -119,7 +119,7 @@ class Drive:
             return np.zeros(0)
         given = self._driven(w, command)
         at_once = self.clamp(w, command) if self.states.limited else given
-        found = self.states.followed(x, at_once, lag)
+        found = self.states.followed(x, at_once, w, lag)
         return np.array(
             self.states.rates(x, [found[k] if k in self.states.limited else given[k] for k in range(len(w))], w)
         )

@@ -9,8 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from hopopt.design import Leg, physical_parameters
-from hopopt.drivetrain.motor import stall_torque
+from hopopt.drivetrain.motor import electrical_time, stall_torque
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 
 
@@ -24,6 +28,7 @@ class JointDynamics:
     at_rest: (tau) -> states, m numbers, that hold a torque tau [N m] while nothing moves
     rate: None where u is the command, which is what the motor is asked for. Else the one state is what it is asked for, u its
         derivative, and this its bound [N m/s], number or symbol
+    region: whose voltage bounds that derivative too, if the winding's inductance counts
     """
 
     names: tuple[str, ...]
@@ -33,24 +38,37 @@ class JointDynamics:
     torque: Callable[[Any, Any, Any], Any]
     at_rest: Callable[[Any], Sequence[Any]]
     rate: Any = None
+    region: OperatingRegion | None = None
+
+    def bounds(self, w: float, tau: float) -> tuple[float, float]:
+        """How fast a torque tau [N m] falls and rises at most at speed w [rad/s], [N m/s] each."""
+        low, high = self.region.rate_bounds(w, tau) if self.region else (-self.rate, self.rate)
+        return max(low, -self.rate), min(high, self.rate)
 
 
 Dynamics = Callable[[Leg, str, Mapping[str, Any]], JointDynamics | None]  # of a leg, a joint, parameters by their paths
 TORQUE_RATE = "torque_rate"  # entry of a motor
+MOST_VOLTAGE = (
+    4.0  # of the bus's: what R i, k omega and L di/dt come to at most together with it, whatever the winding does
+)
 
 
 def limited_rate(leg: Leg, joint: str, p: Mapping[str, Any]) -> JointDynamics | None:
     """The torque of a joint's motor, behind its gear, where the problem limits how fast it changes: a state, whose rate a plan
-    controls."""
+    controls. A winding's inductance limits it by the voltage."""
     path, given = leg.drive(joint, "motor", TORQUE_RATE)
-    if given is None:
+    late = electrical_time(leg, joint, p)
+    if given is None and late is None:
         return None
+    ratio, region = p[leg.drive(joint, "gear", "ratio")[0]], operating_region(leg, joint, p)
+    most = MOST_VOLTAGE * stall_torque(leg, joint, p) / late if given is None else p[path] * ratio
     return JointDynamics(
         ("torque",), ("N m",), (float(stall_torque(leg, joint, physical_parameters(leg))),),
         rates=lambda x, rate, w: [rate],
         torque=lambda x, asked, w: asked,
         at_rest=lambda tau: [tau],
-        rate=p[path] * p[leg.drive(joint, "gear", "ratio")[0]],
+        rate=most,
+        region=None if late is None else region,
     )  # fmt: skip
 
 
@@ -102,13 +120,20 @@ class AddedStates:
         """Torque [N m] of each joint that has dynamics, of what the motors (n) are asked for [N m]."""
         return [d.torque(own, asked[k], w[k]) for d, own, k in self._parts(x)]
 
-    def followed(self, x: Any, command: Any, lag: float) -> list[Any]:
+    def bounds(self, x: Any, w: Any) -> tuple[np.ndarray, np.ndarray]:
+        """How fast torques that are states fall and rise at most [N m/s], one of each for each, at speeds w (n) of all joints."""
+        found = [d.bounds(w[k], own[0]) for d, own, k in self._parts(x) if d.rate is not None]
+        low, high = np.array(found).reshape(-1, 2).T
+        return low, high
+
+    def followed(self, x: Any, command: Any, w: Any, lag: float) -> list[Any]:
         """What is controlled (n) where motors are commanded torques (n) [N m], in numbers: these, or the rate [N m/s] at which
-        a torque that is a state approaches its command within ``lag`` [s]."""
+        a torque that is a state approaches its command within ``lag`` [s], at speeds w (n)."""
         found = [command[k] for k in range(len(self.joints))]
         for d, own, k in self._parts(x):
             if d.rate is not None:
-                found[k] = min(max((command[k] - own[0]) / lag, -d.rate), d.rate)
+                low, high = d.bounds(w[k], own[0])
+                found[k] = min(max((command[k] - own[0]) / lag, low), high)
         return found
 
     def at_rest(self, tau: Any) -> list[float]:

@@ -14,6 +14,7 @@ from hopopt.drivetrain.operating_region.limits import Entry
 
 SUPPLY = "leg.supply.voltage"
 DATASHEET = ("voltage", "winding_resistance", "torque_constant")
+INDUCTANCE = "winding_inductance"
 IMPLIES = {"max_torque": DATASHEET, "max_speed": ("voltage", "torque_constant")}  # which entries imply each
 
 
@@ -56,6 +57,12 @@ def rated(leg: Leg, joint: str) -> tuple[float, float]:
 def stall_torque(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
     """Torque at standstill behind the gear [N m], of parameter values or symbols."""
     return p[leg.drive(joint, "gear", "ratio")[0]] * motor_torque_and_speed(leg, joint, p)[0]
+
+
+def electrical_time(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
+    """L / R_w [s], by which the current of a joint's winding is late; None where the problem states no inductance."""
+    path, inductance = leg.drive(joint, "motor", INDUCTANCE)
+    return None if inductance is None else p[path] / p[leg.drive(joint, "motor", "winding_resistance")[0]]
 
 
 def torque_cap(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:

@@ -83,7 +83,8 @@ def motor_power(leg: Leg, joint: str) -> LimitId:
 
 def torque_rate(leg: Leg, joint: str) -> LimitId:
     """How fast the torque of a joint's motor changes."""
-    return LimitId(Kind.TORQUE_RATE, joint, leg.drive(joint, "motor", TORQUE_RATE)[0], "N m/s")
+    path, given = leg.drive(joint, "motor", TORQUE_RATE)
+    return LimitId(Kind.TORQUE_RATE, joint, "" if given is None else path, "N m/s")
 
 
 def winding_temperature(leg: Leg, joint: str) -> LimitId:

@@ -58,7 +58,7 @@ class Moment:
     a: Any = None
     tau: Any = None
     f: Any = None
-    rates: Rates | None = None
+    rates: Any = None
     lift_off: "Moment | None" = None
     p: Mapping[str, Any] = field(default_factory=dict)
 

@@ -43,7 +43,9 @@ def drives(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
 
         def value(s: Instant) -> ca.SX:
             w = motion(s).v[BASE + k]
-            return ca.vertcat(*operating_region(leg.leg, joint, s.p).use(w, torque(s), voltage(s))[::2])
+            return ca.vertcat(
+                *operating_region(leg.leg, joint, s.p).use(w, torque(s), voltage(s), leg.torque_rate(s, k))[::2]
+            )
 
         planes = operating_region(leg.leg, joint, leg.robot.parameters).planes  # each followed by its mirror image
         labels = tuple(h.line for h in planes[::2])

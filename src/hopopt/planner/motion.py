@@ -33,7 +33,8 @@ TIME_ROUNDING = 1e-9  # s: what rounding may put a time outside the hop
 @dataclass(frozen=True)
 class Samples:
     """The whole leg at k times: t (k,) [s] since stance began, phase (k,) names; q, v, a (k, 2 + n) of body x, z
-    [m] and joints [rad]; tau (k, n) [N m] at the joints, command (k, n) [N m] that the motors are asked for; contact force f (k, 2) [N] (x and z; with y
+    [m] and joints [rad]; tau (k, n) [N m] at the joints, command (k, n) [N m] that the motors are asked for, command_rate (k, n) [N m/s] how fast that changes where it is limited, else 0;
+    contact force f (k, 2) [N] (x and z; with y
     between them where the leg leaves the plane); points: name -> (k, 2) x, z [m], with
     every joint, "foot" and "com"; com_v (k, 2) [m/s]."""
 
@@ -44,6 +45,7 @@ class Samples:
     a: np.ndarray
     tau: np.ndarray
     command: np.ndarray
+    command_rate: np.ndarray
     f: np.ndarray
     points: dict[str, np.ndarray]
     com_v: np.ndarray
@@ -57,7 +59,8 @@ class Samples:
         """The samples at some rows (an index array, mask or slice)."""
         points = {name: p[rows] for name, p in self.points.items()}
         arrays = {
-            name: getattr(self, name)[rows] for name in ("t", "phase", "q", "v", "a", "tau", "command", "f", "com_v")
+            name: getattr(self, name)[rows]
+            for name in ("t", "phase", "q", "v", "a", "tau", "command", "command_rate", "f", "com_v")
         }
         return Samples(**arrays, points=points)
 
@@ -81,6 +84,7 @@ class PlanEvaluator:
                 m.a,
                 m.tau,
                 motor_torques(leg, part.motion)(s),
+                ca.vertcat(*[0.0 if (rate := leg.torque_rate(s, k)) is None else rate for k in range(leg.n)]),
                 m.f,
                 com_speed,
                 *(points[name] for name in self.names),
@@ -96,9 +100,19 @@ class PlanEvaluator:
         )  # what drives and objectives add comes after
         of_leg = (np.ascontiguousarray(x.T[:states]), np.ascontiguousarray(u.T[:moving]))
         results = self.functions[phase].map(len(t))(*of_leg)
-        q, v, a, tau, command, f, com_v, *points = (np.array(r).T for r in results)
+        q, v, a, tau, command, command_rate, f, com_v, *points = (np.array(r).T for r in results)
         return Samples(
-            t, np.full(len(t), phase), q, v, a, tau, command, f, dict(zip(self.names, points, strict=True)), com_v
+            t,
+            np.full(len(t), phase),
+            q,
+            v,
+            a,
+            tau,
+            command,
+            command_rate,
+            f,
+            dict(zip(self.names, points, strict=True)),
+            com_v,
         )
 
 
@@ -249,7 +263,7 @@ def at_apex(vertical: float, at_lift_off: float) -> bool:
 def _join(parts: list[Samples]) -> Samples:
     if len(parts) == 1:
         return parts[0]
-    names = ("t", "phase", "q", "v", "a", "tau", "command", "f", "com_v")
+    names = ("t", "phase", "q", "v", "a", "tau", "command", "command_rate", "f", "com_v")
     arrays = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
     points = {name: np.concatenate([p.points[name] for p in parts]) for name in parts[0].points}
     return Samples(**arrays, points=points)

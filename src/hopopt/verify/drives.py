@@ -32,13 +32,13 @@ class Drives:
     clamp: brings motor torques into the operating regions
     gear: its losses; None where none are planned
     rotor: reflected inertias of what spins in front of the gears (n) [kg m^2]
-    rates: by joint's place, how fast its motor's torque changes at most [N m/s], where that is limited
+    states: what the drives add of their own
     """
 
     clamp: Clamp
     gear: Gear | None
     rotor: np.ndarray
-    rates: Mapping[int, float]
+    states: AddedStates
 
     @classmethod
     def of(cls, robot: Robot) -> Self:
@@ -48,7 +48,7 @@ class Drives:
         if robot.leg.supply is not None or any(region.power is not None for region in regions):
             clamp = Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], Gear()).clamp
         gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
-        return cls(clamp, gear, robot.model.armature[BASE:], added_states(robot.leg, robot.parameters).limited)
+        return cls(clamp, gear, robot.model.armature[BASE:], added_states(robot.leg, robot.parameters))
 
     def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:
         """Torques (n) [N m] at the joints of the motors' torques, for q, v (BASE + n) of the leg."""

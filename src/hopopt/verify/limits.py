@@ -49,7 +49,7 @@ def limits_of(
     found: dict[LimitId, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
         region = operating_region(design.leg, joint, robot.parameters)
-        use = np.array(region.use(v[:, BASE + k], tau[:, k], voltage))
+        use = np.array(region.use(v[:, BASE + k], tau[:, k], voltage, None if rates is None else rates[0][:, k]))
         if region.power is not None:
             found[motor_power(design.leg, joint)] = (np.abs(tau[:, k] * v[:, BASE + k]) / region.power - 1.0) / 2
         found[LimitId(Kind.REGION, joint)] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1

@@ -123,11 +123,12 @@ def region_share(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        tau, w = finely(table, table.asked), finely(table, table.v[..., BASE:])
+        tau, w, rate = (finely(table, each) for each in (table.asked, table.v[..., BASE:], table.asked_rate))
         columns = [np.moveaxis(each, -1, 0) for each in (tau, w)]
         voltage = voltage_share(robot.leg, robot.parameters, *map(list, columns)) if robot.leg.supply else None
         for k, joint in enumerate(robot.joints):
-            used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k], voltage)
+            region = operating_region(robot.leg, joint, robot.parameters)
+            used = region.use(w[..., k], tau[..., k], voltage, rate[..., k])
             worst = max(worst, float(np.max(used)))
     return worst
 

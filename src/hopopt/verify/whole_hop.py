@@ -182,7 +182,7 @@ def _from_its_start(
     try:
         first = tables[STANCE]
         return simulated_hop(
-            machine, drives, tables, (first.q[0, 0], first.v[0, 0], first.asked[0, 0, list(drives.rates)])
+            machine, drives, tables, (first.q[0, 0], first.v[0, 0], first.asked[0, 0, list(drives.states.limited)])
         )
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None
@@ -250,8 +250,8 @@ def _interval(
 ) -> tuple[np.ndarray, ...]:
     """q, v, a, tau, f and the motors' torques at NORMALISED_TIMES of one interval, integrated tightly, and the torques whose
     rate is limited; rate (K, n) [N m/s]: of the plan's torques."""
-    first, h, limited = (BASE if contact else 0), t[-1] - t[0], list(drives.rates)
-    m, ahead, most = len(state[0]) - first, (TO_POWERS @ rate[:, limited]).T, np.array(list(drives.rates.values()))
+    first, h, limited = (BASE if contact else 0), t[-1] - t[0], list(drives.states.limited)
+    m, ahead = len(state[0]) - first, (TO_POWERS @ rate[:, limited]).T
 
     def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
         q, v, own = x[:m], x[m : 2 * m], x[2 * m :]
@@ -270,7 +270,9 @@ def _interval(
 
     def rates(place: float, x: np.ndarray) -> np.ndarray:
         _, v, a, *_, toward = motion(place, x)
-        changing = np.clip(ahead @ (2 * place - 1) ** POWERS + toward / lag, -most, most)
+        changing = ahead @ (2 * place - 1) ** POWERS + toward / lag
+        if limited:
+            changing = np.clip(changing, *drives.states.bounds(x[2 * m :], v[BASE:]))
         return h * np.concatenate([v[first:], a[first:], changing])
 
     lag = FOLLOWS * Scale.of(machine.leg).time

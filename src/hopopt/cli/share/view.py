@@ -2,7 +2,7 @@
 
 from hopopt.cli.options import AsJson, Solved
 from hopopt.plots.scene import HopScene, quiet, serve
-from hopopt.problem.checking.looks import looks_if_known, looks_of
+from hopopt.problem.urdf.looks import looks_if_known, looks_of
 from hopopt.storage.folder import as_json, fitting
 from hopopt.storage.solution import read
 

@@ -40,15 +40,18 @@ class HalfPlane:
 @dataclass(frozen=True)
 class OperatingRegion:
     """The torques and speeds one joint's drive can give: half-planes that all hold, and |tau w| <= power [W] if that is not
-    None, which is no half-plane."""
+    None, which is no half-plane. late: L / R_w of the winding [s], whose voltage bears a (tau + late tau') + b w <= 1 on the
+    torque-speed line; None where current rises at once."""
 
     planes: tuple[HalfPlane, ...]
     power: Any = None
+    late: Any = None
 
-    def use(self, w: Any, tau: Any, voltage: Any = None) -> list[Any]:
+    def use(self, w: Any, tau: Any, voltage: Any = None, rate: Any = None) -> list[Any]:
         """a tau + b w of each half-plane: the drive is inside where every value is <= 1. voltage: of the bus, over what it is
-        without load; torque-speed lines go with it."""
-        used = [h.a * tau + h.b * w for h in self.planes]
+        without load; torque-speed lines go with it. rate: of tau [N m/s]; without it tau counts as steady."""
+        borne = tau if self.late is None or rate is None else tau + self.late * rate
+        used = [h.a * (borne if h.line == Line.TORQUE_SPEED else tau) + h.b * w for h in self.planes]
         if voltage is None:
             return used
         return [x / voltage if h.line in SAGGING else x for x, h in zip(used, self.planes, strict=True)]
@@ -59,6 +62,21 @@ class OperatingRegion:
             return self
         planes = (replace(h, a=h.a / voltage, b=h.b / voltage) if h.line in SAGGING else h for h in self.planes)
         return replace(self, planes=tuple(planes))
+
+    @property
+    def at_once(self) -> "OperatingRegion":
+        """The region that torques keep at every instant: without the torque-speed line where that bounds their rates."""
+        if self.late is None:
+            return self
+        return replace(self, planes=tuple(h for h in self.planes if h.line != Line.TORQUE_SPEED))
+
+    def rate_bounds(self, w: float, tau: float) -> tuple[float, float]:
+        """How fast a torque tau [N m] falls and rises at most at speed w [rad/s], [N m/s] each, by the voltage that is left."""
+        if self.late is None:
+            return -inf, inf
+        lines = [h for h in self.planes if h.line == Line.TORQUE_SPEED]
+        left = [(h.a, ((1 - h.b * w) / h.a - tau) / self.late) for h in lines]
+        return max((x for a, x in left if a < 0), default=-inf), min((x for a, x in left if a > 0), default=inf)
 
     def binding(self, w: float, tau: float) -> str:
         """Name of the half-plane most used at speed w [rad/s] and torque tau [N m], without its direction."""
@@ -167,15 +185,15 @@ def within(w: float, tau: float, upper: Any, lower: Any) -> float:
 
 
 def torque_lines(regions: Sequence[OperatingRegion]) -> tuple[np.ndarray, np.ndarray]:
-    """Lines c - d w of the greatest and of the least torque of every joint, as many for each, (n, k, 2) [N m, N m s/rad]."""
-    bounding = [[(float(h.a), float(h.b)) for h in region.planes if h.a != 0] for region in regions]
+    """Lines c - d w of the greatest and of the least torque at once of every joint, as many for each, (n, k, 2) [N m, N m s/rad]."""
+    bounding = [[(float(h.a), float(h.b)) for h in region.at_once.planes if h.a != 0] for region in regions]
     upper = _filled([[(1 / a, b / a) for a, b in planes if a > 0] for planes in bounding], UNBOUNDED)
     return upper, _filled([[(1 / a, b / a) for a, b in planes if a < 0] for planes in bounding], -UNBOUNDED)
 
 
 def filled_up(lines: np.ndarray, none: float) -> np.ndarray:
     """Lines (n, k, 2) with as many that never bound as make k a multiple of TOGETHER; none: their torque [N m]."""
-    more = np.broadcast_to([none, 0.0], (len(lines), -lines.shape[1] % TOGETHER, 2))
+    more = np.broadcast_to([none, 0.0], (len(lines), -lines.shape[1] % TOGETHER or TOGETHER * (not lines.shape[1]), 2))
     return np.concatenate([lines, more], axis=1)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hopopt.design import Leg
-from hopopt.drivetrain.motor import motor_torque_and_speed
+from hopopt.drivetrain.motor import electrical_time, motor_torque_and_speed
 from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion, pair
 from hopopt.drivetrain.operating_region.laws import LAWS
 from hopopt.drivetrain.operating_region.limits import Line
@@ -35,4 +35,4 @@ def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingReg
         planes += pair(Line.GEAR_CAP, 1 / gear_cap, 0.0)
     if speed_cap is not None:
         planes += pair(Line.SPEED_CAP, 0.0, ratio / speed_cap)
-    return OperatingRegion(tuple(planes), entry("motor", "power_cap"))
+    return OperatingRegion(tuple(planes), entry("motor", "power_cap"), electrical_time(leg, joint, p))

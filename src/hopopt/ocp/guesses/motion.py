@@ -141,6 +141,10 @@ class MovingLeg:
         own = dict(zip(self.drive_states.at, given, strict=True))
         return [own.get(k) for k in range(self.n)]
 
+    def torque_rate(self, s: Instant, k: int) -> Any:
+        """How fast the torque of joint k's motor changes [N m/s] where that is controlled; None where it may jump."""
+        return self.commands(s)[k] if k in self.drive_states.limited else None
+
     # ---- flight ----------------------------------------------------------------------------------------
 
     def flight_motion(self, s: Instant) -> LegMotion:

@@ -141,7 +141,9 @@ def _region_share(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]
 
         def both(s: Instant) -> ca.SX:
             w, share = phase.motion(s).v[BASE + k], s.p["share"]
-            used = ca.vertcat(*operating_region(hop.leg, joint, s.p).use(w, torque(s), voltage(s))[::2])
+            used = ca.vertcat(
+                *operating_region(hop.leg, joint, s.p).use(w, torque(s), voltage(s), hop.torque_rate(s, k))[::2]
+            )
             return ca.vertcat(share - used, share + used)
 
         return both

@@ -115,11 +115,12 @@ def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     """Operating regions, over all phases."""
     leg, v = plan.design.leg, np.concatenate([s.v[:, BASE:] for s in fine.values()])
     tau = np.concatenate([s.command for s in fine.values()])
+    rate = np.concatenate([s.command_rate for s in fine.values()])
     parts = [share for s in fine.values() if (share := plan.voltage(s)) is not None]
     voltage = np.concatenate(parts) if parts else None
     for k, joint in enumerate(plan.robot.joints):
         region, used = plan.region(joint), dict[str, float]()
-        for plane, use in zip(region.planes, region.use(v[:, k], tau[:, k], voltage), strict=True):
+        for plane, use in zip(region.planes, region.use(v[:, k], tau[:, k], voltage, rate[:, k]), strict=True):
             used[plane.line] = max(used.get(plane.line, 0.0), float(np.max(use)))
         if region.power is not None:
             (path, cap), most = leg.drive(joint, "motor", "power_cap"), float(np.abs(v[:, k] * tau[:, k]).max())
@@ -143,6 +144,8 @@ def _rates(plan: Motion) -> Iterator[Use]:
         joint = plan.robot.joints[k]
         used = max(float(np.abs(table.asked_rate[..., k]).max()) for table in plan.tables.values()) / most
         path, limit = leg.drive(joint, "motor", TORQUE_RATE)
+        if limit is None:
+            continue  # what the voltage leaves is a line of the region
         yield Use(f"{{}} {Kind.TORQUE_RATE.value}", (joint,), path, limit, used, used * limit)
 
 

@@ -144,7 +144,7 @@ def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
     leg, size, voltage = plan.design.leg, reach(plan.design.leg), plan.voltage(stance)
     for k, joint in enumerate(plan.robot.joints):
         region, angle = plan.region(joint), stance.q[:, BASE + k]
-        use = np.array(region.use(stance.v[:, BASE + k], stance.command[:, k], voltage))
+        use = np.array(region.use(stance.v[:, BASE + k], stance.command[:, k], voltage, stance.command_rate[:, k]))
         shares[str(LimitId(Kind.REGION, joint))] = use.max(axis=0) > 1 - ACTIVE
         if region.power is not None:
             drawn = np.abs(stance.v[:, BASE + k] * stance.command[:, k])

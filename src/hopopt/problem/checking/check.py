@@ -8,9 +8,10 @@ from pydantic import ValidationError
 from hopopt import extensions
 from hopopt.design import Design, Leg
 from hopopt.design.names import names_in
+from hopopt.problem.checking.drive_rules import drive_rules, heat_rules, loss_rules
 from hopopt.problem.checking.entries import entry_at, homes, unit_of, words_of
 from hopopt.problem.checking.faults import Report
-from hopopt.problem.checking.rules import drive_rules, entry_rules, heat_rules, loss_rules, start_rules, stated_once
+from hopopt.problem.checking.rules import entry_rules, start_rules, stated_once
 from hopopt.problem.checking.wording import allowed, did_you_mean, hint, is_number
 from hopopt.problem.render import shown, shown_path
 from hopopt.problem.shapes.rules import shape_rules

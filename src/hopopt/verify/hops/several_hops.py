@@ -61,7 +61,7 @@ def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables
     torques clamped to the drives; infinite if that cannot be."""
     first = hops[0][STANCE]
     drives = Drives.of(robot)
-    last = state = first.q[0, 0], first.v[0, 0], first.asked[0, 0, list(drives.rates)]
+    last = state = first.q[0, 0], first.v[0, 0], first.asked[0, 0, list(drives.states.limited)]
     try:
         for tables in hops:
             _, last = simulated_hop(machine, drives, tables, state)

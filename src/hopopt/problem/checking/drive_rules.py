@@ -1,0 +1,105 @@
+"""Rules between the entries of drives: torque and speed that something bounds, whole datasheets, heat, losses, inductance."""
+
+from hopopt.design import Leg, Simulation
+from hopopt.design.leg import Supply
+from hopopt.drivetrain.gear import TABLE, efficiency_table
+from hopopt.drivetrain.heat import BODIES, LIMIT
+from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking
+from hopopt.drivetrain.operating_region.limits import Entry
+from hopopt.drivetrain.supply import WINDING
+from hopopt.problem.checking.faults import Report
+
+
+def drive_rules(leg: Leg, report: Report) -> None:
+    """Report drives whose torque or speed nothing would bound: without a law both need a cap; motors that neither say their torque
+    and speed nor have a datasheet that implies them."""
+    _datasheet_rules(leg, report)
+    open_ended: dict[tuple[str, str], list[str]] = {}
+    for joint in leg.joints:
+        path, laws = leg.drive(joint, "motor", "laws")
+        if not laws and (missing := _uncapped(leg, joint)):
+            open_ended.setdefault((path, missing), []).append(joint)
+    for (path, missing), joints in open_ended.items():
+        words = f'give these caps, or "paper" or "four-quadrant" in {path}'
+        report.add(path, f"= [] leaves nothing to bound {missing} of {', '.join(joints)}: {words}")
+
+
+def _datasheet_rules(leg: Leg, report: Report) -> None:
+    """Report what a motor's datasheet lacks."""
+    faults: dict[str, str] = {}
+    for joint in leg.joints:
+        for name in IMPLIES:
+            if missing := lacking(leg, joint, name):
+                needed = ", ".join(f"motor.{entry}" for entry in missing)
+                words = f"is missing: give it, or what the motor's datasheet still lacks: {needed}"
+                faults.setdefault(leg.drive(joint, "motor", name)[0], words)
+        constant = leg.drive(joint, "motor", "torque_constant")[1]
+        for name in ("no_load_current", "current_cap"):
+            path, value = leg.drive(joint, "motor", name)
+            if value is not None and constant is None:
+                words = f"= {value:g} A is a current, whose torque nothing tells: give motor.torque_constant too"
+                faults.setdefault(path, words)
+        path, inductance = leg.drive(joint, "motor", INDUCTANCE)
+        if inductance is not None and leg.drive(joint, "motor", "winding_resistance")[1] is None:
+            faults.setdefault(
+                path, f"= {inductance:g} H tells how fast current rises only with motor.winding_resistance too"
+            )
+        if inductance is not None and leg.supply is not None and _gives_way(leg.supply):
+            words = f"= {inductance:g} H goes with a stiff supply alone: leave it out, or [supply] but for its voltage"
+            faults.setdefault(path, words)
+    for path, words in faults.items():
+        report.add(path, words)
+
+
+def _gives_way(supply: Supply) -> bool:
+    """Whether what a supply gives depends on what is drawn from it."""
+    caps = supply.least_voltage, supply.current_cap, supply.power_cap
+    return supply.internal_resistance > 0 or any(cap is not None for cap in caps)
+
+
+def heat_rules(leg: Leg, ambient: float, report: Report) -> None:
+    """Report thermal entries that lack others, and a limit that the winding is above before it moves."""
+    faults: dict[str, str] = {}
+    for joint in leg.joints:
+        own = {name: leg.drive(joint, "motor", name) for name in (LIMIT, *BODIES)}
+        given = next((name for name, (_, value) in own.items() if value is not None), None)
+        missing = [name for name in (*BODIES, *WINDING) if leg.drive(joint, "motor", name)[1] is None]
+        if given and missing:
+            path, value = own[given]
+            words = f"= {value:g} tells how hot a motor gets only with all of its heat: give motor.{', motor.'.join(missing)} too"
+            faults.setdefault(path, words)
+        path, limit = own[LIMIT]
+        if limit is not None and limit <= ambient:
+            words = f"= {limit:g} degC is not above environment.temperature = {ambient:g} degC, with which the winding begins"
+            faults.setdefault(path, f"{words}: give the insulation's limit, often 100 to 155 degC")
+    for path, words in faults.items():
+        report.add(path, words)
+
+
+def _uncapped(leg: Leg, joint: str) -> str:
+    """What no cap bounds in a joint's drive, with the entries that would; empty if torque and speed have one."""
+    caps: tuple[Entry, ...] = ("motor", "torque_cap"), ("motor", "current_cap"), ("gear", "torque_cap")
+    torque = any(leg.drive(joint, *cap)[1] for cap in caps)
+    found = [] if torque else ["the torque (motor.torque_cap or gear.torque_cap)"]
+    return " and ".join(found if leg.drive(joint, "gear", "speed_cap")[1] else [*found, "the speed (gear.speed_cap)"])
+
+
+def loss_rules(leg: Leg, simulation: Simulation, report: Report) -> None:
+    """Report an efficiency that would hold for no gear, as each has its own."""
+    _table_rules(leg, report)
+    tabled = {joint for joint in leg.joints if efficiency_table(leg, joint) is not None}
+    own = [leg.drive(joint, "gear", TABLE if joint in tabled else "efficiency") for joint in leg.joints]
+    if simulation.gear_efficiency != 1 and all(value is not None for _, value in own):
+        paths = ", ".join(dict.fromkeys(path for path, _ in own))
+        words = f"holds for no gear, as each has its own: change {paths}, or set simulation.gear_efficiency to 1"
+        report.add("simulation.gear_efficiency", f"= {simulation.gear_efficiency:g} {words}")
+
+
+def _table_rules(leg: Leg, report: Report) -> None:
+    """Report tables of efficiency that are no function of the speed, turn back, or stand beside one number."""
+    for path, gear in (("leg.gear", leg.gear), *((f"leg.{joint}.gear", leg.joint[joint].gear) for joint in leg.joints)):
+        table = None if gear is None else gear.efficiency_table
+        if gear is not None and table is not None and gear.efficiency is not None:
+            report.add(f"{path}.{TABLE}", "stands beside efficiency: each says what the gear passes on, remove one")
+        elif table is not None and (words := table.fault()):
+            report.add(f"{path}.{TABLE}", words)
