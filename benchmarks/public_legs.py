@@ -3,7 +3,7 @@
     python benchmarks/public_legs.py [FOLDER] [SECONDS] [ROBOTS]
 
 Reads each leg as its file has it, says what that lacks, adds the numbers below, and solves it: one start, friction 0.7, the
-body shared by all legs, at most SECONDS of wall time (60). Robots are solved one after the other, each in a process of its
+body shared by all legs, the solids that its file states for collisions, at most SECONDS of wall time (60). Robots are solved one after the other, each in a process of its
 own, or only those named (separated by commas). What FOLDER (public_legs) has already is not solved again. Prints a table
 with the processor time of each, and beneath it what the files lack. The exit status is 1 if a solved hop was not verified.
 """
@@ -44,7 +44,7 @@ class Leg:
         locked = f"locked = {{{self.locked}}}\n" if self.locked else ""
         return (
             f'name = "{name}"\n[leg]\nurdf = "{Q}/{self.file}"\njoints = {json.dumps(self.joints)}\n'
-            f'foot_frame = "{self.foot}"\nfoot_point = {list(self.point)}\n{locked}body.legs = {self.legs}\n{lacks}\n'
+            f'foot_frame = "{self.foot}"\nfoot_point = {list(self.point)}\ngeometry = true\n{locked}body.legs = {self.legs}\n{lacks}\n'
             f"[start]\njoint_angles = {list(self.start)}\n[contact]\nfriction = {FRICTION}\n"
         )
 
@@ -105,7 +105,7 @@ def solved(file: Path, seconds: float) -> dict[str, Any]:
     )  # fmt: skip
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    answer = json.loads(ran.stdout) if ran.returncode in (0, 3) else {"fault": one_line(ran.stderr.strip())}
+    answer = json.loads(ran.stdout) if ran.returncode in (0, 3) else {"fault": " ".join(ran.stderr.split())[-400:]}
     return {"processor_s": spent, **answer}
 
 
@@ -158,7 +158,7 @@ def main() -> int:
         try:
             found[name] = answer(name, folder, seconds)
         except HopoptError as error:
-            found[name] = {"lacks": [one_line(str(error))]}
+            found[name] = {"lacks": [one_line(error)]}
         print(row(name, found[name]), flush=True)
     print("", *words(found), sep="\n")
     return int(any(one.get("verified") is False for one in found.values()))

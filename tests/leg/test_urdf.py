@@ -153,7 +153,7 @@ def test_drives_come_with_the_urdf_and_give_way_to_the_files(tmp_path: Path) -> 
         (
             'effort="150"',
             'effort="0"',
-            "m.toml: leg.knee.motor.max_torque is missing, and the URDF states no usable effort",
+            "m.toml: leg.knee.motor.max_torque is missing, and leg.urdf states no usable effort",
         ),
         ('velocity="16"', 'velocity="0"', "m.toml: leg.ankle.motor.max_speed is missing"),
         ('lower="-2.4"', 'lower="-1e9"', "leg.urdf: leg.knee.lower = -1e+09 rad is a placeholder"),

@@ -141,8 +141,8 @@ def test_a_rotor_alone_changes_nothing_else(read: Any) -> None:
 @pytest.mark.parametrize(
     ("limit", "lines", "words"),
     [
-        ('velocity="20"', "motor.rotor_inertia = 1e-5", "leg.knee.motor.max_speed is missing, and the URDF states no usable velocity"),
-        ('effort="40"', "motor.max_speed = 9.0", "leg.knee.motor.max_torque is missing, and the URDF states no usable effort of knee"),
+        ('velocity="20"', "motor.rotor_inertia = 1e-5", "leg.knee.motor.max_speed is missing, and leg.urdf states no usable velocity"),
+        ('effort="40"', "motor.max_speed = 9.0", "leg.knee.motor.max_torque is missing, and leg.urdf states no usable effort of knee"),
     ],
 )  # fmt: skip
 def test_a_drive_that_neither_states_is_asked_for(limit: str, lines: str, words: str, read: Any) -> None:
@@ -156,7 +156,7 @@ def test_drives_of_which_the_urdf_knows_nothing(read: Any) -> None:
     limit = '<limit lower="-2" upper="2"/>'
     bare = robot(hip=joint("hip", "body", "thigh", inside=limit), knee=joint("knee", "thigh", "shank", "0 0 -0.2", inside=limit))  # fmt: skip
     own = [f"{j}.motor = {{max_torque = {t}, max_speed = 9.0}}" for j, t in (("hip", 30.0), ("knee", 20.0))]
-    assert "leg.knee.motor is missing, and the URDF states no usable effort and velocity" in refusal(read, bare, own[0])
+    assert "leg.knee.motor is missing, and leg.urdf states no usable effort and velocity" in refusal(read, bare, own[0])
     assert drives(read(bare, "\n".join(own)).leg) == [(30, 9), (20, 9)]
     assert drives(read(bare, "motor.max_torque = 2.0\nmotor.max_speed = 100.0").leg) == [(2, 100), (2, 100)]
 

@@ -25,6 +25,7 @@ RESERVED = (
     "gear",
     "supply",
     "urdf",
+    "mjcf",
     "foot_frame",
     "foot_point",
     "locked",

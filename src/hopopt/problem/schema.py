@@ -1,7 +1,7 @@
 """The JSON schema of problem files, made from the model: editors complete and check TOML files by it.
 
 Draft 7, which editors understand. What a file may leave out depends on what it begins with: nothing is required of one
-that extends another, and no links of one with a URDF.
+that extends another, and no links of one with a URDF or an MJCF.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,7 +12,7 @@ from hopopt.design.fields import CATALOGUE_NAME
 from hopopt.problem.catalogue import names
 from hopopt.problem.catalogue_facts import CATALOGUE_PARTS
 from hopopt.problem.checking.entries import raw_schema
-from hopopt.problem.urdf.leg import ENTRIES, FURTHEST_POINT
+from hopopt.problem.urdf.leg import ENTRIES, FURTHEST_POINT, KINDS
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 WRITTEN_ANEW = (
@@ -29,7 +29,8 @@ OWN_CATALOGUE = "a .toml or .csv file of motors and gears of your own, beside th
 EXTENDS = "a built-in problem, or a file in the same folder, whose entries count where this file has none"
 URDF_ENTRIES = {
     "urdf": "robot description that the leg is read from: beside this file or below, or example-robot-data/...",
-    "foot_frame": "link of the URDF whose origin touches the ground",
+    "mjcf": "the same in MuJoCo's format, in place of a URDF: beside this file or below",
+    "foot_frame": "link of the URDF, or body or site of the MJCF, whose origin touches the ground",
 }
 FOOT_POINT = "point of the foot that touches the ground, in the frame of foot_frame (default: its origin) [m]"
 GEOMETRY = "whether the solids that the URDF states for collisions are the shapes of body and links (default: false)"
@@ -146,7 +147,7 @@ def _complete() -> Schema:
     either = {"anyOf": [{"required": required[kind]} for kind in ("Joint", "Link")]}
     needed = [name for name in required["Leg"] if name not in ("joint", "link")]
     leg = {
-        "if": {"not": {"required": ["urdf"]}},
+        "if": {"not": {"anyOf": [{"required": [kind]} for kind in KINDS]}},
         "then": {"required": needed, "properties": stated, "additionalProperties": either},
     }
     then = {"required": raw_schema()["required"], "properties": {"leg": leg}}

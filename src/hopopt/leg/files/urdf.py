@@ -1,4 +1,4 @@
-"""A leg out of a URDF: the file checked as data, then reduced with Pinocchio to the joints that move.
+"""A leg out of a URDF or an MJCF: the file checked as data, then reduced with Pinocchio to the joints that move.
 
 Everything between the body and the first joint that moves, and all other limbs, becomes the body: on guides it only
 translates, so nothing but its mass enters the motion. What is locked below a joint becomes part of that joint's link.
@@ -6,11 +6,12 @@ translates, so nothing but its mass enters the motion. What is locked below a jo
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 
+from hopopt.leg.files.mjcf import BARE, Drive, read_mjcf
 from hopopt.leg.files.urdf_xml import Tree, UrdfError, link_in_xml, numbers, quoted, root_of
 from hopopt.leg.inertia import PAIRS, obeys_triangle, principal_moments
 
@@ -25,7 +26,7 @@ class MovingLink:
     """What moves with one joint, all joint angles zero, axes parallel to the robot's: unit axis of the joint (3),
     vector (3) [m] to the next joint or the foot, mass [kg], com (3) [m] from the joint, inertia (xx, yy, zz, xy, xz,
     yz) [kg m^2] about it; limits lower, upper [rad], effort [N m], velocity [rad/s] (nan: not given); whether the joint is
-    continuous, which has no lower and upper."""
+    continuous, which has no lower and upper; what else an MJCF says of its drive."""
 
     joint: str
     link: str
@@ -39,6 +40,7 @@ class MovingLink:
     effort: float
     velocity: float
     continuous: bool
+    drive: Drive = BARE
 
 
 @dataclass(frozen=True)
@@ -50,15 +52,23 @@ class UrdfLeg:
 
 
 def read_leg(
-    raw: bytes, joints: Sequence[str], foot: str, locked: Mapping[str, float], point: Sequence[float] = (0.0, 0.0, 0.0)
+    raw: bytes,
+    joints: Sequence[str],
+    foot: str,
+    locked: Mapping[str, float],
+    point: Sequence[float] = (0.0, 0.0, 0.0),
+    kind: str = "urdf",
 ) -> UrdfLeg:
-    """The chain of ``joints`` down to the ``point`` (3) [m] in the frame of the link ``foot``; every other joint is
-    locked at ``locked`` [rad, m], or at zero or its limit nearest to zero. Raises UrdfError."""
-    tree = Tree(root_of(raw))
+    """The chain of ``joints`` down to the ``point`` (3) [m] in the frame of the link ``foot`` (of an MJCF, a body or a site);
+    every other joint is locked at ``locked`` [rad, m], or at zero or its limit nearest to zero. kind: urdf or mjcf. Raises
+    UrdfError."""
+    root, drives = read_mjcf(raw, joints) if kind == "mjcf" else (root_of(raw), {})
+    tree = Tree(root)
     chain = tree.chain_to(foot, joints)
     for name in locked:
         tree.known(name, "locked", [j for j in tree.movable if j not in joints])
-    return _reduced(tree, chain, foot, np.array(point), locked)
+    leg = _reduced(tree, chain, foot, np.array(point), locked)
+    return replace(leg, links=tuple(replace(x, drive=drives.get(x.joint, x.drive)) for x in leg.links))
 
 
 def _reduced(tree: Tree, chain: Sequence[str], foot: str, point: np.ndarray, locked: Mapping[str, float]) -> UrdfLeg:

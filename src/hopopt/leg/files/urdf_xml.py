@@ -24,21 +24,23 @@ KEPT_ATTRIBUTES = {  # of what matters to the motion: an element's attributes
 }  # fmt: skip
 MOVING = ("revolute", "continuous")
 LOCKABLE = (*MOVING, "prismatic")  # joints of one coordinate
+OTHER_KINDS = {"mujoco": "this is an MJCF: give it as leg.mjcf", "robot": "this is a URDF: give it as leg.urdf"}
 TYPES = (*LOCKABLE, "floating", "fixed")
 
 
 class UrdfError(ValueError):
-    """What is wrong with a URDF, or with the names it was asked for, as a sentence that follows the file's name."""
+    """What is wrong with a URDF or an MJCF, or with the names it was asked for, as a sentence that follows the file's name."""
 
 
-def root_of(raw: bytes) -> ET.Element:
-    """The <robot> element; entities, which can swell a file without end, are refused."""
+def root_of(raw: bytes, tag: str = "robot", kind: str = "URDF") -> ET.Element:
+    """The element called ``tag`` that a file of this ``kind`` begins with; entities, which can swell a file without end, are
+    refused."""
     if len(raw) > MAX_BYTES:
-        raise UrdfError(f"has more than {MAX_BYTES} bytes: this is not the URDF of a robot")
+        raise UrdfError(f"has more than {MAX_BYTES} bytes: this is not the {kind} of a robot")
     parser = expat.ParserCreate()
 
     def refuse(*_: object) -> None:
-        raise UrdfError("declares a document type or entities, which no URDF needs: remove the <!DOCTYPE ...>")
+        raise UrdfError(f"declares a document type or entities, which no {kind} needs: remove the <!DOCTYPE ...>")
 
     parser.StartDoctypeDeclHandler = refuse
     try:
@@ -48,8 +50,9 @@ def root_of(raw: bytes) -> ET.Element:
         if isinstance(error, UrdfError):
             raise
         raise UrdfError(f"is not XML: {error}") from None
-    if root.tag != "robot":
-        raise UrdfError(f"is XML, but begins with <{root.tag[:40]}> instead of <robot>: this is not a URDF")
+    if root.tag != tag:
+        other = OTHER_KINDS.get(root.tag, f"this is not a {kind}")
+        raise UrdfError(f"is XML, but begins with <{root.tag[:40]}> instead of <{tag}>: {other}")
     return root
 
 
@@ -196,15 +199,18 @@ def numbers(element: ET.Element, tag: str, entry: str, count: int, where: str) -
     text = None if child is None else child.get(entry)
     if text is None:
         return []
+    return decimals(text, count, f"{where} has <{tag} {entry}={quoted(text)}>", LARGEST_VALUES[tag])
+
+
+def decimals(text: str, count: int, said: str, largest: float) -> list[float]:
+    """So many finite decimal numbers between blanks, no larger than ``largest``; UrdfError, which begins with what is ``said``."""
     words = BLANKS.split(text.strip(" \t\r\n"))
     values = [float(word) for word in words if URDF_NUMBER.fullmatch(word)]
     if len(values) != len(words) or len(values) != count or not all(map(math.isfinite, values)):
         wanted = "a number such as 0.25 or 1e-3" if count == 1 else f"{count} numbers with blanks between"
-        raise UrdfError(f"{where} has <{tag} {entry}={quoted(text)}>: {wanted} is needed")
-    if max(map(abs, values)) > LARGEST_VALUES[tag]:
-        raise UrdfError(
-            f"{where} has <{tag} {entry}={quoted(text)}>: {LARGEST_VALUES[tag]:g} at most is allowed, in SI units"
-        )
+        raise UrdfError(f"{said}: {wanted} is needed")
+    if max(map(abs, values)) > largest:
+        raise UrdfError(f"{said}: {largest:g} at most is allowed, in SI units")
     return values
 
 

@@ -1,4 +1,4 @@
-"""``leg.urdf`` in a problem: the leg's tables filled from a robot's URDF, what the file itself states on top.
+"""``leg.urdf`` or ``leg.mjcf`` in a problem: the leg's tables filled from a robot's file, what the problem states on top.
 
 The file is read once, where the problem is; everything behind sees numbers only, and so does a stored result.
 """
@@ -22,19 +22,22 @@ from hopopt.problem.render import shown, shown_path
 from hopopt.problem.shapes.collision import GEOMETRY, with_shapes
 from hopopt.problem.urdf.rules import urdf_rules
 
-ENTRIES = ("urdf", "foot_frame", "foot_point", "locked", GEOMETRY)  # of [leg], besides what a leg without a URDF has
+KINDS = ("urdf", "mjcf")  # entries that name a robot's file
+ENTRIES = (*KINDS, "foot_frame", "foot_point", "locked", GEOMETRY)  # of [leg], besides what a leg without a URDF has
+FEET = {"urdf": "the link of the URDF", "mjcf": "the body or the site of the MJCF"}
 FURTHEST_POINT = 3.0  # m, as a link's length
 ROBOTS = "example-robot-data"  # package of public robots; a path that begins with its name lies in it
 ROBOTS_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 
 
 def located(layer: Mapping[str, Any], folder: Path, label: str, report: Report) -> dict[str, Any]:
-    """The layer of a problem file in ``folder`` with leg.urdf as a path from where we are; faults are reported."""
+    """The layer of a problem file in ``folder`` with leg.urdf or leg.mjcf as a path from where we are; faults are reported."""
     leg = layer.get("leg")
-    name = leg.get("urdf") if isinstance(leg, Mapping) else None
+    kind = next((kind for kind in KINDS if kind in leg), "") if isinstance(leg, Mapping) else ""
+    name = leg.get(kind) if isinstance(leg, Mapping) else None
     if not isinstance(leg, Mapping) or not isinstance(name, str):
         return dict(layer)
-    where = f"{label}: leg.urdf = {shown(name)}"
+    where = f"{label}: leg.{kind} = {shown(name)}"
     inside = name.removeprefix(f"{ROBOTS}/")
     robots = None if inside == name else _robots()
     if inside != name and robots is None:
@@ -44,8 +47,8 @@ def located(layer: Mapping[str, Any], folder: Path, label: str, report: Report) 
     def absent(path: Path) -> str:
         return f"there is no such file in {_folder(path, robots)}{_beside(path)}"
 
-    found = beside(inside, robots or folder, where, "URDF", absent, report)
-    return dict(layer) if found is None else {**layer, "leg": {**leg, "urdf": str(found)}}
+    found = beside(inside, robots or folder, where, kind.upper(), absent, report)
+    return dict(layer) if found is None else {**layer, "leg": {**leg, kind: str(found)}}
 
 
 def _robots() -> Path | None:
@@ -65,27 +68,32 @@ def _folder(path: Path, robots: Path | None) -> str:
 
 
 def _beside(path: Path) -> str:
-    names = sorted(p.name for p in path.parent.glob("*.urdf"))[:12] if os.path.isdir(path.parent) else []
+    names = (
+        sorted(p.name for p in path.parent.glob(f"*{path.suffix or '.urdf'}"))[:12]
+        if os.path.isdir(path.parent)
+        else []
+    )
     return f"; there is {', '.join(map(shown_path, names))}" if names else ""
 
 
 def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
-    """The problem with the leg of its URDF, if it names one; faults are reported."""
+    """The problem with the leg of its URDF or MJCF, if it names one; faults are reported."""
     leg = data.get("leg")
     if not isinstance(leg, dict):
         return data
     given = {name: leg[name] for name in ENTRIES if name in leg}
     rest = {name: value for name, value in leg.items() if name not in ENTRIES}
-    if "urdf" not in given:
+    kind = next((kind for kind in KINDS if kind in given), None)
+    if kind is None:
         for name in given:
             report.add(f"leg.{name}", "has a meaning only beside leg.urdf: give the URDF too, or take it out")
         return {**data, "leg": rest}
-    if not _usable(given, rest, report):
+    if not _usable(kind, given, rest, report):
         return {**data, "leg": rest}
-    path = Path(given["urdf"])
+    path = Path(given[kind])
     try:
         raw, point = read_regular(path, MAX_BYTES + 1), given.get("foot_point", (0.0, 0.0, 0.0))
-        found = read_leg(raw, rest["joints"], given["foot_frame"], given.get("locked", {}), point)
+        found = read_leg(raw, rest["joints"], given["foot_frame"], given.get("locked", {}), point, kind)
         report.urdf = path.name
         tables = with_shapes(_tables(found, rest, report), raw, path.parent, rest["joints"], given)
     except OSError as error:
@@ -108,18 +116,26 @@ def _entries(tables: Mapping[str, Any], path: str) -> Iterator[str]:
             yield f"{path}.{name}"
 
 
-def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: Report) -> bool:
+def _usable(kind: str, given: Mapping[str, Any], leg: Mapping[str, Any], report: Report) -> bool:
     """Whether the entries say what to read; if not, that is reported."""
     joints, foot, locked = leg.get("joints"), given.get("foot_frame"), given.get("locked", {})
-    if not isinstance(given["urdf"], str):
-        report.add("leg.urdf", f"= {shown(given['urdf'])} is not allowed: the path of a URDF in quotes is needed")
+    if set(KINDS) <= given.keys():
+        report.add("leg.mjcf", "stands beside leg.urdf: a leg is read from one of them, remove the other")
+    elif not isinstance(given[kind], str):
+        report.add(
+            f"leg.{kind}", f"= {shown(given[kind])} is not allowed: the path of a {kind.upper()} in quotes is needed"
+        )
     elif not isinstance(joints, tuple) or not joints or not all(isinstance(name, str) for name in joints):
-        report.add("leg.joints", "has to name the joints of the URDF that move, from the body to the foot")
+        report.add("leg.joints", f"has to name the joints of the {kind.upper()} that move, from the body to the foot")
     elif not isinstance(foot, str):
-        report.add("leg.foot_frame", "has to name the link of the URDF whose origin touches the ground")
+        report.add("leg.foot_frame", f"has to name {FEET[kind]} whose origin touches the ground")
     elif not _is_point(point := given.get("foot_point", (0.0, 0.0, 0.0))):
         words = f"three numbers from {-FURTHEST_POINT:g} to {FURTHEST_POINT:g} m are needed, in the frame of {foot}"
         report.add("leg.foot_point", f"= {shown(point)} is not allowed: {words}, such as [0.12, 0.0, -0.04]")
+    elif kind == "mjcf" and given.get(GEOMETRY):
+        report.add(
+            f"leg.{GEOMETRY}", "is read from a URDF alone: write the shapes in the problem, as docs/body.md shows"
+        )
     elif not isinstance(given.get(GEOMETRY, False), bool):
         report.add(f"leg.{GEOMETRY}", f"= {shown(given[GEOMETRY])} is not allowed: true or false is needed")
     elif not isinstance(locked, Mapping) or not all(map(_moderate, locked.values())):
@@ -190,8 +206,11 @@ def _drives(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
         implied |= here
         values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
         stated = {k: v for k, v in values.items() if math.isfinite(v) and k not in known}
-        if stated:
-            drives[item.joint] = {"motor": stated}
+        rotor = item.drive.armature / ratio**2
+        more = {"rotor_inertia": rotor} if rotor and "rotor_inertia" not in for_all else {}
+        losses = {"friction": item.drive.friction, "damping": item.drive.damping}
+        lossy = {name: value for name, value in losses.items() if value and name not in _stated(leg, "gear")}
+        drives[item.joint] = {k: v for k, v in (("motor", stated | more), ("gear", lossy)) if v}
         common = {k: v for k, v in (given | stated).items() if k in values and k not in known} | common
         if missing := [entry for entry in values if entry not in stated.keys() | given.keys() | known]:
             _report_missing(item.joint, missing, report)
@@ -213,7 +232,7 @@ def _report_missing(joint: str, entries: list[str], report: Report) -> None:
     says = " and ".join(MEANT[entry] for entry in entries)
     report.add(
         f"leg.{joint}.motor{entry}",
-        f"is missing, and the URDF states no usable {says} of {shown_path(joint)}: add it, or "
+        f"is missing, and {shown_path(str(report.urdf))} states no usable {says} of {shown_path(joint)}: add it, or "
         f"{f'leg.motor{entry}' if entry else '[leg.motor]'} for all joints",
     )
     report.unreadable = True  # what is missing then would only be said again
@@ -221,8 +240,13 @@ def _report_missing(joint: str, entries: list[str], report: Report) -> None:
 
 def _motor(holder: Any) -> dict[str, Any]:
     """What a table states of its motor."""
-    motor = holder.get("motor") if isinstance(holder, Mapping) else None
-    return dict(motor) if isinstance(motor, Mapping) else {}
+    return _stated(holder, "motor")
+
+
+def _stated(holder: Any, part: str) -> dict[str, Any]:
+    """What a table states of its motor or gear."""
+    found = holder.get(part) if isinstance(holder, Mapping) else None
+    return dict(found) if isinstance(found, Mapping) else {}
 
 
 def _ratio(*holders: Any) -> float:

@@ -1,0 +1,257 @@
+"""An MJCF in the words of a URDF: MuJoCo's model of a robot as links and joints, and what a URDF has no place for.
+
+Nothing but numbers is read from the file: no meshes, no other files. The tree that comes of it is checked and read like any
+URDF (leg/files/urdf.py). Angles count from the pose that the file draws.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+import pinocchio as pin
+
+from hopopt.leg.files.mjcf_xml import FLAT, LARGEST, Compiler, Defaults, Placement, numbers
+from hopopt.leg.files.urdf_xml import UrdfError, decimals, quoted, root_of
+from hopopt.leg.inertia import PAIRS
+
+WORLD = "world"  # link that the robot hangs on
+KINDS = {"hinge": "revolute", "slide": "prismatic", "free": "floating", "ball": "fixed"}
+TAKES_TORQUE = ("motor",)  # actuators whose control is a force, so that its range limits that
+NOT_READ = (
+    "include",
+    "replicate",
+    "composite",
+    "flexcomp",
+    "attach",
+)  # of the bodies: what only MuJoCo itself resolves
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What an MJCF says of a joint's drive and a URDF cannot: reflected rotor inertia armature [kg m^2], Coulomb friction
+    [N m] and viscous friction damping [N m s/rad]."""
+
+    armature: float = 0.0
+    friction: float = 0.0
+    damping: float = 0.0
+
+
+BARE = Drive()
+
+
+def read_mjcf(raw: bytes, joints: Sequence[str]) -> tuple[ET.Element, dict[str, Drive]]:
+    """The robot that has a leg of these ``joints``, as the <robot> of a URDF, and drives of its joints by name. Raises
+    UrdfError."""
+    root = root_of(raw, "mujoco", "MJCF")
+    for element in root.iter():
+        if element.tag in NOT_READ:
+            raise UrdfError(f"has <{element.tag}>, which leads elsewhere: {FLAT}")
+    made = _Robot(root, joints)
+    made.add(_top(root, joints[0]))
+    for rod, other in made.coupled():
+        if rod in made.joints:
+            ET.SubElement(made.joints[rod], "mimic", joint=other)
+    made.refuse_loops(joints[0])
+    return made.urdf, made.drives
+
+
+def _top(root: ET.Element, joint: str) -> list[ET.Element]:
+    """The bodies of the world, or only that one which has the joint: what else lies about is no part of the robot."""
+    bodies = root.findall("worldbody/body") + root.findall("worldbody/frame//body")
+    return [b for b in bodies if any(j.get("name") == joint for j in b.iter("joint"))][:1] or bodies
+
+
+class _Robot:
+    """A URDF in the making."""
+
+    def __init__(self, root: ET.Element, chain: Sequence[str]):
+        self.root, self.chain, self.defaults, self.compiler = root, chain, Defaults.of(root), Compiler.of(root)
+        self.urdf, self.drives = ET.Element("robot", name="mjcf"), dict[str, Drive]()
+        self.joints: dict[str, ET.Element] = {}
+        self.above: dict[str, str] = {}  # link -> link
+        self.efforts = self._efforts()
+        self._link(WORLD)
+
+    def add(self, bodies: list[ET.Element]) -> None:
+        """The bodies and all within them."""
+        still = Placement.Identity()
+        todo = [(body, WORLD, still, body.get("childclass", "main")) for body in reversed(bodies)]
+        while todo:
+            body, parent, frame, inherited = todo.pop()
+            inherited = body.get("childclass", inherited)
+            name, where = self._named(body), f"body {quoted(body.get('name', ''))}"
+            inside = list(self._inside(body, inherited))
+            self._hang(parent, name, frame * self.compiler.placement(body.attrib, where), inside, where)
+            self._link(name, self._inertial(body, inside, where))
+            for element, at, kind in inside:
+                if element.tag == "site" and (site := element.get("name")) and site not in self.above:
+                    given = self.defaults.attributes(element, kind)
+                    self._link(site)
+                    self._joint(
+                        f"site {site}", "fixed", name, site, at * self.compiler.placement(given, f"site {quoted(site)}")
+                    )
+            todo += [(e, name, at, kind) for e, at, kind in reversed(inside) if e.tag == "body"]
+
+    def _inside(self, body: ET.Element, inherited: str) -> Iterator[tuple[ET.Element, Placement, str]]:
+        """What lies in a body, with where its frames put it and the class it inherits."""
+        todo = [(child, Placement.Identity(), inherited) for child in reversed(body)]
+        while todo:
+            element, at, kind = todo.pop()
+            if element.tag != "frame":
+                yield element, at, kind
+                continue
+            there = at * self.compiler.placement(element.attrib, "a <frame>")
+            todo += [(child, there, element.get("childclass", kind)) for child in reversed(element)]
+
+    def _hang(
+        self, parent: str, name: str, place: Placement, inside: list[tuple[ET.Element, Placement, str]], where: str
+    ) -> None:
+        """The joints between two bodies, in a row; a joint beside the body's origin moves a link of its own."""
+        moving = [(e, kind) for e, _, kind in inside if e.tag in ("joint", "freejoint")]
+        for k, (element, inherited) in enumerate(moving):
+            given = (
+                self.defaults.attributes(element, inherited)
+                if element.tag == "joint"
+                else {"type": "free", **element.attrib}
+            )
+            own = given.get("name") or f"joint {k + 1} of {name}"
+            at = np.array(numbers(given, "pos", f"joint {quoted(own)}", 3) or [0.0] * 3)
+            last = k == len(moving) - 1 and not at.any()
+            link = name if last else f"{name} at {own}"
+            self._moving(own, given, parent, link, place * Placement(np.eye(3), at))
+            if last:
+                return
+            self._link(link)
+            parent, place = link, Placement(np.eye(3), -at)
+        self._joint(f"fixed {name}", "fixed", parent, name, place)
+
+    def _moving(self, name: str, given: Mapping[str, str], parent: str, child: str, place: Placement) -> None:
+        """A joint that moves, with its limits and what its drive has."""
+        kind, where = given.get("type", "hinge"), f"joint {quoted(name)}"
+        if kind not in KINDS:
+            raise UrdfError(f"{where} is of type {quoted(kind)}: hopopt reads {', '.join(KINDS)}")
+        if any(numbers(given, "ref", where)):
+            raise UrdfError(
+                f"{where} has ref = {given['ref'][:20]}: hopopt counts angles from the pose that the file draws: {FLAT}"
+            )
+        made = self._joint(name, KINDS[kind], parent, child, place)
+        if kind not in ("hinge", "slide"):
+            return
+        ET.SubElement(made, "axis", xyz=_text(numbers(given, "axis", where, 3) or [0.0, 0.0, 1.0]))
+        lower, upper = self.compiler.limits(given, "range", where, "limited")
+        unit, limit = self.compiler.unit if kind == "hinge" else 1.0, dict[str, str]()
+        if lower > -inf:
+            limit = {"lower": repr(unit * lower), "upper": repr(unit * upper)}
+        elif kind == "hinge":
+            made.set("type", "continuous")
+        forces = self.compiler.limits(given, "actuatorfrcrange", where, "actuatorfrclimited")
+        if (effort := min(_least(forces), self.efforts.get(name, inf))) < inf:
+            limit["effort"] = repr(effort)
+        ET.SubElement(made, "limit", limit)
+        losses = (next(iter(numbers(given, key, where)), 0.0) for key in ("armature", "frictionloss", "damping"))
+        self.drives[name] = Drive(*losses)
+        if name in self.chain and any(numbers(given, "stiffness", where)):
+            raise UrdfError(
+                f"{where} has a spring (stiffness = {given['stiffness'][:20]}), which a leg of hopopt has not: take it out"
+            )
+
+    def _efforts(self) -> dict[str, float]:
+        """The greatest force that each joint's actuators give at the joint, the least where several drive it."""
+        found = dict[str, float]()
+        for element in self.root.findall("actuator/*"):
+            given = self.defaults.attributes(element, "main")
+            joint, where = given.get("joint") or given.get("jointinparent"), f"actuator {quoted(given.get('name', ''))}"
+            if not joint:
+                continue
+            ranges = [
+                ("forcerange", "forcelimited"),
+                *([("ctrlrange", "ctrllimited")] if element.tag in TAKES_TORQUE else []),
+            ]
+            force = min(_least(self.compiler.limits(given, name, where, said)) for name, said in ranges)
+            (gear,) = decimals(" ".join(given.get("gear", "1").split()[:1]), 1, f"{where} has a gear", LARGEST)
+            found[joint] = min(found.get(joint, inf), abs(gear) * force)
+        return found
+
+    def _inertial(
+        self, body: ET.Element, inside: list[tuple[ET.Element, Placement, str]], where: str
+    ) -> ET.Element | None:
+        """What a body weighs, its axes those of the body."""
+        element = body.find("inertial")
+        if element is None:
+            if any(e.tag == "geom" and self._weighs(self.defaults.attributes(e, kind)) for e, _, kind in inside):
+                raise UrdfError(
+                    f"{where} has geoms that weigh something and no <inertial>: give it one, with its mass and inertia"
+                )
+            return None
+        at, mass = self.compiler.placement(element.attrib, where), numbers(element.attrib, "mass", where)
+        moments = numbers(element.attrib, "diaginertia", where, 3) or numbers(element.attrib, "fullinertia", where, 6)
+        if not mass or mass[0] < 0 or not moments:
+            raise UrdfError(f"{where} has an <inertial> without a mass, or without diaginertia or fullinertia")
+        matrix = np.diag(moments[:3])
+        for (i, j), value in zip(PAIRS[3:], moments[3:], strict=False):
+            matrix[i, j] = matrix[j, i] = value
+        turned = at.rotation @ matrix @ at.rotation.T
+        made = ET.Element("inertial")
+        ET.SubElement(made, "origin", xyz=_text(at.translation), rpy="0 0 0")
+        ET.SubElement(made, "mass", value=repr(mass[0]))
+        ET.SubElement(made, "inertia", {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(turned[i, j])) for i, j in PAIRS})
+        return made
+
+    @staticmethod
+    def _weighs(geom: Mapping[str, str]) -> bool:
+        """Whether a geom has a mass."""
+        if "mass" in geom:
+            return any(numbers(geom, "mass", "a geom"))
+        return any(numbers(geom, "density", "a geom") or [1.0])
+
+    def coupled(self) -> Iterator[tuple[str, str]]:
+        """Joints that an equality lets follow another one."""
+        for element in self.root.findall("equality/joint"):
+            if element.get("active") != "false" and element.get("joint2"):
+                yield element.get("joint1", ""), element.get("joint2", "")
+
+    def refuse_loops(self, joint: str) -> None:
+        """UrdfError where an equality closes a loop through what a joint moves."""
+        for element in [*self.root.findall("equality/connect"), *self.root.findall("equality/weld")]:
+            ends = [element.get(key, "") for key in ("body1", "body2", "site1", "site2")]
+            if element.get("active") != "false" and any(joint in self._joints_above(end) for end in ends):
+                named = " and ".join(quoted(end) for end in ends if end)
+                raise UrdfError(
+                    f"closes a loop in the leg by <{element.tag}> of {named}, which a chain of joints has not"
+                )
+
+    def _joints_above(self, link: str) -> Iterator[str]:
+        by_child = {joint.find("child").get("link"): name for name, joint in self.joints.items()}  # type: ignore[union-attr]
+        while link in self.above:
+            yield by_child[link]
+            link = self.above[link]
+
+    def _named(self, body: ET.Element) -> str:
+        name = body.get("name") or f"body {len(self.above) + 1}"
+        if name in self.above or name == WORLD:
+            raise UrdfError(f"has two bodies called {quoted(name)}, or a body called as a site")
+        return name
+
+    def _link(self, name: str, inertial: ET.Element | None = None) -> None:
+        made = ET.SubElement(self.urdf, "link", name=name)
+        if inertial is not None:
+            made.append(inertial)
+
+    def _joint(self, name: str, kind: str, parent: str, child: str, place: Placement) -> ET.Element:
+        made = ET.SubElement(self.urdf, "joint", name=name, type=kind)
+        ET.SubElement(made, "parent", link=parent)
+        ET.SubElement(made, "child", link=child)
+        ET.SubElement(made, "origin", xyz=_text(place.translation), rpy=_text(pin.rpy.matrixToRpy(place.rotation)))
+        self.joints[name], self.above[child] = made, parent
+        return made
+
+
+def _least(limits: tuple[float, float]) -> float:
+    """What a range allows either way; infinite where it allows nothing one way, as for a muscle."""
+    return min(map(abs, limits)) or inf
+
+
+def _text(values: list[float] | np.ndarray) -> str:
+    return " ".join(repr(float(x)) for x in values)
