@@ -8,14 +8,22 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, ProblemFileError
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.guesses.feasibility import drives_too_weak, joints_without_inertia
+from hopopt.ocp.guesses.feasibility import (
+    drives_too_weak,
+    holding_torques,
+    joints_without_inertia,
+    strength,
+)
 from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.checking.hints import hints
 from hopopt.problem.load import builtin_names, load, template
@@ -233,6 +241,18 @@ def test_a_torque_too_small_to_carry_the_leg() -> None:
     assert f"the knee needs {needed:.1f} N m to hold the start pose in stance at 0 s" in sentence
     assert "its drive gives 20.0 N m (leg.motor.max_torque = 0.2 and leg.gear.ratio = 100, for 81 N)" in sentence
     assert "a stronger motor, a higher gear ratio, a lighter leg.body.mass or a higher start" in sentence
+
+
+@pytest.mark.parametrize("entries", [{}, {"environment.slope": 0.2}])
+def test_torques_that_hold_the_start_pose(entries: dict[str, float]) -> None:
+    """Pinocchio's gravity carried by the foot is what the planner's equations of motion give at rest."""
+    design = load("paper", entries)
+    robot, symbols = build_robot(design.leg), [ca.SX.sym(name, 2) for name in "qva"]
+    tau = LegDynamics(robot, robot.parameters).stance(*symbols).tau
+    planned = np.array(ca.Function("hold", symbols, [tau])(start_angles(design), 0, 0)).ravel()
+    hold = holding_torques(design, robot)
+    assert hold == pytest.approx(planned, rel=1e-12)
+    assert strength(design, robot) == pytest.approx(200.0 / abs(hold).max())  # 2 N m by a gear of 100
 
 
 @pytest.mark.slow

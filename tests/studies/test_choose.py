@@ -4,15 +4,20 @@ from pathlib import Path
 
 import pytest
 
+import hopopt as ho
+from hopopt.api.asked import as_class
+from hopopt.cli.main import run
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.planner.solve import solve
 from hopopt.problem.catalogue import catalogue
 from hopopt.problem.load import catalogue_of, changed, load
 from hopopt.studies.choose.bound import highest
-from hopopt.studies.choose.choice import CLEARS, DROPPED, FAILS, UNWEIGHED, WEAK, Candidate, Choice
+from hopopt.studies.choose.choice import CLEARS, DROPPED, FAILS, UNWEIGHED, WEAK, Candidate, Choice, first_to_verify
 from hopopt.studies.choose.pairs import drives, pairs
 from hopopt.studies.choose.run import choose, written
+from hopopt.studies.maps.pieces import pieces
+from hopopt.studies.sweep.definition import Axis, Definition
 from hopopt.verify.upper_bound import upper_bound
 from once import solved_once
 
@@ -49,6 +54,7 @@ def test_a_motor_of_ones_own_file_is_tried_by_its_numbers(tmp_path: Path, monkey
     (tmp_path / "my.toml").write_text(own)
     (tmp_path / "leg.toml").write_text('extends = "paper"\ncatalogue = "my.toml"\n[leg.motor]\ntorque_cap = 1.5\n')
     known = catalogue_of("leg.toml")
+    assert known.keys() == catalogue_of("paper", ["catalogue=my.toml"]).keys()
     chosen = drives(load("leg.toml"), None, 1, 3.0, known)
     pair = next(p for p in pairs(known) if p.name == "mine with csf-25-50")
     leg = changed(chosen.design, chosen.named(pair)).leg
@@ -107,6 +113,44 @@ def test_of_a_gear_family_the_best_ratio_is_listed() -> None:
     tried = tuple(Candidate(p, CLEARS, p.mass, preliminary=0.5 + 0.1 * k) for k, p in enumerate(own))
     listed = Choice(chosen, 0.4, "mass", tried, None, 0.0).clearing
     assert [c.pair.name for c in listed] == [own[1].name]
+
+
+def test_a_choice_in_python_has_a_table_figures_and_the_leg() -> None:
+    """Sorted by what was asked for, what is not known of a pair last; the front is of pairs that none with less beats."""
+    design, known = load("paper"), catalogue()
+    gears = ("apex-af042-20", "csf-25-50", "maxon-gp52c-12")
+    first, second, third = [p for p in pairs(known) if p.motor == "maxon-ec90-flat-260" and p.gear in gears]
+    tried = (
+        Candidate(first, CLEARS, 3.0, preliminary=0.5, energy=60.0, peak_power=900.0),
+        Candidate(second, CLEARS, 2.0, price=700.0, preliminary=0.6, energy=70.0, peak_power=800.0),
+        Candidate(third, FAILS, 1.0, preliminary=0.1, lacks="torque", energy=20.0, peak_power=100.0),
+    )
+    found = as_class(ho.Choice, Choice(drives(design, None, 1, None, known), 0.4, "price", tried, None, 0.0))
+    assert [c.pair for c in found.clearing] == [second, first]
+    assert [c.pair for c in found.front()] == [c.pair for c in found.front("peak-power")] == [third, second]
+    assert first_to_verify(dict(enumerate(tried)), "energy", 1) == [0]
+    table = found.to_dataframe()
+    assert table.loc[second.name, "mass"] == 2.0
+    assert list(table["outcome"]) == [CLEARS, CLEARS, FAILS]
+    assert second.name in found._repr_html_()
+    assert found.problem().leg.gear.catalogue == second.gear
+    assert "together [W]" in found.plot("peak_power").axes[0].get_xlabel()
+    with pytest.raises(UsageError, match="there is no pair 'mini'"):
+        found.problem("mini")
+
+
+def test_points_of_a_list_wait_for_no_other() -> None:
+    listed = tuple((ratio,) for ratio in (50.0, 80.0, 100.0, 120.0, 160.0, 9.0))
+    axis = Axis("leg.gear.ratio", (), 9.0, 160.0)
+    whole = pieces(Definition(load("paper"), "clearance", (axis,), listed=listed), 0)
+    assert sorted(k for piece in whole for k in piece.points) == list(range(6))
+    assert all(piece.entrance is None for piece in whole)
+
+
+def test_a_file_that_exists_is_told_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "leg.toml").write_text("mine")
+    assert run(["choose", "--clearance", "0.5", "--write", str(tmp_path / "leg.toml")]) == 2
+    assert "exists already and is not overwritten" in capsys.readouterr().err
 
 
 @pytest.mark.slow

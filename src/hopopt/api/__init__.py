@@ -10,15 +10,16 @@ from hopopt.api.old_names import codesign as codesign  # pyright: ignore[reportD
 from hopopt.api.old_names import front as front  # pyright: ignore[reportDeprecated]
 from hopopt.api.program import Program, ProgramSolution
 from hopopt.api.reading import Verification, read, save, verify
-from hopopt.api.results import Front, Map, RobustHop, Run, Study, Transition
+from hopopt.api.results import Choice, Front, Map, RobustHop, Run, Study, Transition
 from hopopt.api.solution import Comparison, HopsComparison, Ladder, Solution
-from hopopt.api.studies import pareto, robust, sweep, transition
+from hopopt.api.studies import choose, pareto, robust, sweep, transition
 from hopopt.api.verbs import identify, program, simulate, solve
 from hopopt.design import Design
 from hopopt.ocp.custom import constraint, objective
 from hopopt.problem.load import load
 
 __all__ = [
+    "Choice",
     "Comparison",
     "Design",
     "Front",
@@ -33,6 +34,7 @@ __all__ = [
     "Study",
     "Transition",
     "Verification",
+    "choose",
     "constraint",
     "identify",
     "load",

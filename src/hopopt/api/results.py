@@ -10,6 +10,9 @@ from hopopt.api.solution import Solution
 from hopopt.comparison.hops import transition
 from hopopt.comparison.robust import robust
 from hopopt.control import closed_loop
+from hopopt.design import Design
+from hopopt.studies.choose import choice
+from hopopt.studies.choose.run import written
 from hopopt.studies.maps import found as maps
 from hopopt.studies.pareto import front
 from hopopt.studies.sweep import run
@@ -55,6 +58,37 @@ class Study(run.Study):
 @dataclass(frozen=True, repr=False)
 class Map(maps.Map, Study):
     """A study of the first mesh alone, with the points that were verified."""
+
+
+@dataclass(frozen=True, repr=False)
+class Choice(choice.Choice):
+    """Motors and gears that clear a height, the best first, and what the others lack."""
+
+    def problem(self, name: str | None = None) -> Design:
+        """The problem with a pair on its leg, and the body that carries it.
+
+        name: of a pair, such as "mini-cheetah" (None: the first that clears)
+
+        Raises UsageError for a pair that was not tried, or if none clears.
+        """
+        return written(self, self.find(name))
+
+    def plot(self, name: str | None = None) -> "Figure":
+        """Clearance over the drives' mass ("mass") or over the peak of what they give together ("peak_power").
+
+        Raises UsageError for another name.
+        """
+        from hopopt.plots.studies.choice import AGAINST, figure
+
+        check_figure(name, *AGAINST)
+        return figure(self, name or "mass")
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for every pair, those that clear first: what --json gives of each."""
+        return views.choice_frame(self)
+
+    def _repr_html_(self) -> str:
+        return views.choice_html(self)
 
 
 @dataclass(repr=False)

@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.api.asked import Constraint, Objective, Problem, Progress, as_class, renamed, told
-from hopopt.api.results import Front, Map, RobustHop, Study, Transition
+from hopopt.api.results import Choice, Front, Map, RobustHop, Study, Transition
 from hopopt.comparison.hops import transition as transitions
 from hopopt.comparison.robust import robust as robustness
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.planner import solution
-from hopopt.problem.load import as_design
+from hopopt.problem.load import as_design, catalogue_of
 from hopopt.problem.own import check_can_be_sent, name_of, with_constraints
+from hopopt.studies.choose.run import choose as chosen
 from hopopt.studies.maps.run import check_verify_best, run_map
 from hopopt.studies.pareto import trace as fronts
 from hopopt.studies.sweep.definition import define
@@ -76,6 +77,50 @@ def sweep(
     if preliminary:
         return as_class(Map, run_map(definition, verify_best=verify_best, **settings))
     return as_class(Study, run(definition, **settings))
+
+
+def choose(
+    problem: Problem,
+    clearance: float,
+    *,
+    joints: Sequence[str] | None = None,
+    legs: int = 1,
+    by: str = "mass",
+    verify: int = 3,
+    present_mass: float | None = None,
+    catalogue: str | Path | None = None,
+    starts: int | None = None,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    results: str | Path | None = None,
+    resume: str | Path | None = None,
+    progress: Progress = False,
+) -> Choice:
+    """Every motor with every gear on a leg: which pairs clear a height, the best first, and what the others lack.
+
+    problem: a problem, its name or file
+    clearance: what the hop must clear [m]
+    joints: whose drives are chosen, with one pair; the others keep theirs (None: all)
+    legs: of the robot whose body the leg carries, with the drives of all of them
+    by: mass, price, energy or peak-power
+    verify: how many of the first are solved and verified in full; the others are preliminary
+    present_mass: of the present drives of one leg's chosen joints [kg], which leg.body.mass counts
+    catalogue: a .toml or .csv file of motors and gears of your own, beside the built-in ones and the problem's
+    starts: of those that are verified
+    processes, scheduler, results, resume, progress: as in ``sweep``
+
+    Raises UsageError for what cannot be asked, ProblemFileError for a catalogue with faults.
+    """
+    own = {} if catalogue is None else {"catalogue": str(catalogue)}
+    entries = catalogue_of(problem if isinstance(problem, str | Path) else "paper", own)
+    if results is None and resume is None:
+        results = tempfile.mkdtemp(prefix="hopopt-")
+    found = chosen(
+        as_design(problem), clearance, joints=joints, legs=legs, by=by, verify=verify, present_mass=present_mass,
+        entries=entries, starts=starts, processes=processes, scheduler=scheduler, results=Path(results or "."),
+        resume=None if resume is None else Path(resume), progress=told(progress),
+    )  # fmt: skip
+    return as_class(Choice, found)
 
 
 @renamed(design="problem")

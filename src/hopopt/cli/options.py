@@ -94,6 +94,12 @@ def written(paths: Sequence[Path], json_: bool, then: str = "") -> int:
     return ended(data, json_, (as_is(f"{path} written{then}") for path in paths))
 
 
+def check_new(path: Path) -> None:
+    """UsageError in a sentence for a file that is there already: told before work of minutes begins."""
+    if os.path.lexists(path):
+        raise UsageError(f"{path} exists already and is not overwritten: choose another name")
+
+
 def write_new(path: Path, text: str, hint: str = "") -> None:
     """Write a file that must not exist yet, in a folder that may not; UsageError in a sentence, which ends with the ``hint``
     where another file is in the way, and no file, if that cannot be."""

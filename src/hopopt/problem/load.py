@@ -46,10 +46,11 @@ def load(
     return _checked(data if report.unreadable else with_leg(data, report), report, without_modules)
 
 
-def catalogue_of(source: str | Path = "paper") -> dict[str, Entry]:
-    """The motors and gears that a problem can name: the built-in ones, and those of its own catalogues. ProblemFileError."""
+def catalogue_of(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[str] = ()) -> dict[str, Entry]:
+    """The motors and gears that a problem can name: the built-in ones, and those of its own catalogues and of the overrides'.
+    ProblemFileError."""
     report, own = Report(str(source)), dict[str, Entry]()
-    for _, layer in _layers(source, report):
+    for layer in (*(table for _, table in _layers(source, report)), *_override_layers(overrides, report)):
         own |= _own_entries(layer.get("catalogue"), report)
     if report.sentences:
         raise ProblemFileError(report.source, report.sentences)

@@ -4,7 +4,6 @@ docs/bound.md proves both; numbers of the problem alone, without a solver.
 """
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -15,6 +14,8 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.record import Real, Strict, stated
 from hopopt.sim.machine import Machine
+
+PARALLEL = 1e-15  # determinant of two half-planes [1/(N m) s/rad] below which their edges do not meet
 
 
 @dataclass(frozen=True)
@@ -61,11 +62,16 @@ def _most_power(planes: np.ndarray) -> float:
 
     It lies on an edge, where tau w is a parabola: at its top or at an end of the edge.
     """
-    tops = [np.array([1 / (2 * a), 1 / (2 * b)]) for a, b in planes if a > 0 and b > 0]
-    pairs = [np.array(pair) for pair in combinations(planes, 2)]
-    corners = [np.linalg.solve(pair, np.ones(2)) for pair in pairs if abs(np.linalg.det(pair)) > 1e-15]
-    inside = [p for p in tops + corners if np.all(p >= 0) and np.all(planes @ p <= 1 + 1e-9)]
-    return max((float(p[0] * p[1]) for p in inside), default=0.0)
+    a, b = planes.T
+    first, second = np.triu_indices(len(planes), 1)
+    det = a[first] * b[second] - a[second] * b[first]
+    meet = np.abs(det) > PARALLEL
+    i, j, det = first[meet], second[meet], det[meet]
+    corners = np.column_stack([(b[j] - b[i]) / det, (a[i] - a[j]) / det])
+    both = planes[(a > 0) & (b > 0)]
+    points = np.vstack([corners, 0.5 / both])
+    inside = np.all(points >= 0, axis=1) & np.all(points @ planes.T <= 1 + 1e-9, axis=1)
+    return float(points[inside].prod(axis=1).max(initial=0.0))
 
 
 def most_speed(region: OperatingRegion) -> float:

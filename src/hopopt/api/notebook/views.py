@@ -13,6 +13,7 @@ from hopopt.comparison.robust.robust import RobustHop
 from hopopt.leg.kinematics import contact_axes
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
+from hopopt.studies.choose.choice import Choice
 from hopopt.studies.pareto.front import Front
 from hopopt.studies.sweep.point_file import NOT_VERIFIED, VERIFIED
 from hopopt.studies.sweep.run import Study
@@ -195,6 +196,22 @@ def study_html(study: Study) -> str:
     if len(study.points) > NOTEBOOK_ROWS:
         rows[f"{len(study.points) - NOTEBOOK_ROWS} more"] = "to_dataframe() has them"
     return html(repr(study).strip("<>"), rows)
+
+
+def choice_frame(choice: Choice) -> "pd.DataFrame":
+    """A row for every pair, those that clear first."""
+    import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
+
+    rows = [{k: v for k, v in row.items() if k != "pair"} for row in choice.as_dict()["candidates"]]
+    return pd.DataFrame(rows, index=pd.Index([row.pop("name") for row in rows], name="name"))
+
+
+def choice_html(choice: Choice) -> str:
+    """What a notebook shows of a choice: the pairs that clear."""
+    rows = {c.pair.name: f"{c.mass:.3g} kg, {c.clearance:.3f} m, {c.state}" for c in choice.clearing[:NOTEBOOK_ROWS]}
+    more = len(choice.clearing) - NOTEBOOK_ROWS
+    rows |= {f"{more} more": "to_dataframe() has them"} if more > 0 else {}
+    return html(repr(choice).strip("<>"), rows)
 
 
 def html(title: str, rows: Mapping[str, Any]) -> str:

@@ -173,8 +173,10 @@ def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
     unsure = {key for c in found.clearing for key in c.pair.unverified}
     if unsure:
         yield f"those marked rest on numbers that no source confirms ({', '.join(sorted(unsure))}): hopopt actuators"
-    if file is not None:
+    if file is not None and found.clearing:
         yield f"{file} written: {found.clearing[0].pair.name}; hopopt solve {file}"
+    elif file is not None:
+        yield f"{file} is not written: no pair clears {found.wish:g} m"
     yield f"results {found.folder}" if found.folder else "nothing was solved"
 
 

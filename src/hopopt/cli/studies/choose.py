@@ -3,10 +3,9 @@
 from pathlib import Path
 
 from hopopt import amounts
-from hopopt.cli.options import AsJson, Figures, Overrides, drawn, ended, write_new
+from hopopt.cli.options import AsJson, Figures, Overrides, check_new, drawn, ended, write_new
 from hopopt.cli.screen.console import progress
 from hopopt.cli.screen.studies import of_choice
-from hopopt.errors import UsageError
 from hopopt.plots.studies.choice import save
 from hopopt.problem.load import catalogue_of, load, resolved_toml
 from hopopt.storage.folder import write_json
@@ -71,6 +70,8 @@ def choose(
     """
     design = load(problem or "paper", set_ or ())
     amounts.check_processes(processes)
+    if write is not None:
+        check_new(write)
     folders = [] if resume is None else [resume]
     listed = None if joints is None else [name.strip() for name in joints.split(",")]
     try:
@@ -78,7 +79,7 @@ def choose(
             found = chosen(
                 design, clearance, joints=listed, legs=legs, by=by, verify=verify, present_mass=present_mass, starts=starts,
                 processes=processes, scheduler=scheduler, results=results, resume=resume, progress=say,
-                opened=folders.append, entries=catalogue_of(problem or "paper"),
+                opened=folders.append, entries=catalogue_of(problem or "paper", set_ or ()),
             )  # fmt: skip
             if (folder := found.folder) is not None:
                 write_json(found.as_dict(), folder / "choice.json")
@@ -91,8 +92,6 @@ def choose(
             raise
         kept = f"interrupted; what is finished is kept: the same command with --resume {folders[-1]}"
         raise KeyboardInterrupt(kept) from None
-    if write is not None:
-        if not found.clearing:
-            raise UsageError(f"--write {write}: no pair clears {clearance:g} m, so there is no leg to write")
+    if write is not None and found.clearing:
         write_new(write, resolved_toml(written(found, found.clearing[0])))
     return ended(found.as_dict(), json_, of_choice(found, write), found.exit_code)

@@ -1,7 +1,6 @@
 """Whether a leg can move, and stand, where its hop starts: the one is asked before anything is solved, the other of a leg
 for which no hop was found (a leg that cannot stand may still hop: it falls into a pose in which it is stronger)."""
 
-import casadi as ca
 import numpy as np
 import pinocchio as pin
 
@@ -10,8 +9,7 @@ from hopopt.drivetrain.motor import behind_torque, entries_behind
 from hopopt.drivetrain.operating_region.limits import CAPS
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
-from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import loop_axes, reach, start_angles
+from hopopt.leg.kinematics import PLANE, loop_axes, reach, start_angles
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import weight
 
@@ -40,10 +38,7 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
     """A sentence for each joint whose drive cannot hold the start pose, the foot on the ground."""
     if loop_axes(design.leg):  # joints can press against the guides
         return []
-    leg, q = design.leg, start_angles(design)
-    symbols = [ca.SX.sym(name, len(leg.joints)) for name in "qva"]
-    tau = LegDynamics(robot, robot.parameters).stance(*symbols).tau
-    hold = np.array(ca.Function("hold", symbols, [tau])(q, 0, 0)).ravel()
+    leg, hold = design.leg, holding_torques(design, robot)
     faults = _supply_too_weak(leg, robot, hold)
     for k, joint in enumerate(leg.joints):
         region = operating_region(leg, joint, robot.parameters)
@@ -60,6 +55,27 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
                 "a lighter leg.body.mass or a higher start"
             )
     return faults
+
+
+def holding_torques(design: Design, robot: Robot) -> np.ndarray:
+    """Joint torques (n) [N m] that hold the start pose, the foot on the ground, which alone carries the leg."""
+    q, data = np.concatenate([np.zeros(BASE), start_angles(design)]), robot.model.createData()
+    forces = pin.computeGeneralizedGravity(robot.model, data, q)
+    foot = robot.model.getFrameId("point_foot")
+    jacobian = pin.computeFrameJacobian(robot.model, data, q, foot, pin.LOCAL_WORLD_ALIGNED)[list(PLANE), BASE:]
+    return forces[BASE:] - jacobian.T @ forces[:BASE]
+
+
+def strength(design: Design, robot: Robot) -> float:
+    """Share of the torques that hold the start pose which its drives give at standstill; infinite where guides may carry the
+    leg."""
+    if loop_axes(design.leg):
+        return np.inf
+    shares = [np.inf]
+    for joint, torque in zip(design.leg.joints, holding_torques(design, robot).tolist(), strict=True):
+        lower, upper = map(float, operating_region(design.leg, joint, robot.parameters).torque_bounds(0.0))
+        shares += [(upper if torque > 0 else lower) / torque] if torque else []
+    return min(shares)
 
 
 def _supply_too_weak(leg: Leg, robot: Robot, hold: np.ndarray) -> list[str]:

@@ -1,10 +1,12 @@
 """What came of every pair of motor and gear: whether it clears what is asked for, what it weighs and costs, what it lacks."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from hopopt.errors import UsageError
+from hopopt.problem.checking.wording import did_you_mean
 from hopopt.studies.choose.pairs import Drives, Pair
 
 CLEARS, FAILS, DROPPED, UNWEIGHED = "clears", "does not clear", "cannot clear", "no mass is stated"
@@ -63,7 +65,7 @@ class Candidate:
         return {**asdict(self), "name": self.pair.name, "state": self.state}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Choice:
     """All candidates, those that clear first and sorted.
 
@@ -82,15 +84,25 @@ class Choice:
     folder: Path | None
     seconds: float
 
+    def __repr__(self) -> str:
+        words = f"{len(self.clearing)} clear {self.wish:g} m by {self.by}, of {len(self.candidates)} pairs"
+        return f"<Choice for {self.drives.design.name}: {words}>"
+
+    def find(self, name: str | None = None) -> Candidate:
+        """The candidate with a pair's name, or the first that clears; UsageError if there is none."""
+        if name is None and self.clearing:
+            return self.clearing[0]
+        found = {c.pair.name: c for c in self.candidates}
+        if name is None:
+            raise UsageError(f"no pair clears {self.wish:g} m, so there is none to take: ask for less, or name a pair")
+        if name not in found:
+            raise UsageError(f"there is no pair {name!r}{did_you_mean(name, found)}")
+        return found[name]
+
     @property
     def clearing(self) -> list[Candidate]:
         """Those that clear, of each family of gears the ratio that clears most, the first the best."""
-        best = dict[tuple[str, str], Candidate]()
-        for c in (c for c in self.candidates if c.outcome == CLEARS):
-            other = best.get(c.pair.family)
-            if other is None or (c.clearance or 0.0) > (other.clearance or 0.0):
-                best[c.pair.family] = c
-        return sorted(best.values(), key=self._order)
+        return sorted(best_ratios(self.candidates), key=lambda c: order(c, self.by))
 
     @property
     def others(self) -> list[Candidate]:
@@ -99,18 +111,11 @@ class Choice:
             (c for c in self.candidates if c.outcome != CLEARS), key=lambda c: -(c.clearance or c.bound or 0.0)
         )
 
-    def _order(self, c: Candidate) -> tuple[bool, float, float]:
-        value = ORDERS[self.by](c)
-        return value is None, value or 0.0, -(c.clearance or 0.0)
-
-    @property
-    def front(self) -> list[Candidate]:
-        """Of all that were solved, those that no lighter one clears more than; by mass."""
+    def front(self, by: str = "mass") -> list[Candidate]:
+        """Of all that were solved, those that none with less of ``by``, one of ORDERS, clears more than; in its order."""
         found = list[Candidate]()
-        for c in sorted(
-            (c for c in self.candidates if c.clearance is not None),
-            key=lambda c: (c.mass or 0.0, -(c.clearance or 0.0)),
-        ):
+        solved = [c for c in self.candidates if c.clearance is not None and ORDERS[by](c) is not None]
+        for c in sorted(solved, key=lambda c: order(c, by)):
             if not found or (c.clearance or 0.0) > (found[-1].clearance or 0.0):
                 found.append(c)
         return found
@@ -134,7 +139,7 @@ class Choice:
 
     @property
     def _sorted(self) -> list[Candidate]:
-        return sorted((c for c in self.candidates if c.outcome == CLEARS), key=self._order)
+        return sorted((c for c in self.candidates if c.outcome == CLEARS), key=lambda c: order(c, self.by))
 
 
 def outcome_of(clearance: float, wish: float, verified: bool) -> str:
@@ -142,8 +147,23 @@ def outcome_of(clearance: float, wish: float, verified: bool) -> str:
     return CLEARS if clearance >= wish * (1 - (0 if verified else CLOSE)) else FAILS
 
 
+def order(c: Candidate, by: str) -> tuple[bool, float, float]:
+    """What candidates are sorted by: those of which it is not known come last."""
+    value = ORDERS[by](c)
+    return value is None, value or 0.0, -(c.clearance or 0.0)
+
+
+def best_ratios(candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Those that clear, of each family of gears the ratio that clears most."""
+    best = dict[tuple[str, str], Candidate]()
+    for c in (c for c in candidates if c.outcome == CLEARS):
+        other = best.get(c.pair.family)
+        if other is None or (c.clearance or 0.0) > (other.clearance or 0.0):
+            best[c.pair.family] = c
+    return list(best.values())
+
+
 def first_to_verify(candidates: Mapping[int, Candidate], by: str, count: int) -> list[int]:
-    """Numbers of the first so many of those that clear."""
-    likely = [k for k, c in candidates.items() if c.outcome == CLEARS]
-    value = {k: ORDERS[by](candidates[k]) for k in likely}
-    return sorted(likely, key=lambda k: (value[k] is None, value[k] or 0.0))[:count]
+    """Numbers of the first so many of those that are listed."""
+    number = {c.pair: k for k, c in candidates.items()}
+    return [number[c.pair] for c in sorted(best_ratios(candidates.values()), key=lambda c: order(c, by))[:count]]

@@ -1,7 +1,7 @@
 """Which motor and which gear: every pair of the catalogue on a leg, those that cannot clear dropped by a closed bound.
 
-The rest are points of a map (studies/maps): solved on the first mesh alone, each warm from the pair most like it. The first
-that clear are solved and verified in full, the others are preliminary.
+The rest are points of a map (studies/maps): solved on the first mesh alone, each from starts of its own, then once more from
+pairs like it where that promises more. The first that clear are solved and verified in full, the others are preliminary.
 """
 
 import os
@@ -16,7 +16,7 @@ import numpy as np
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.guesses.feasibility import drives_too_weak
+from hopopt.ocp.guesses.feasibility import strength
 from hopopt.problem.catalogue import Entry, catalogue
 from hopopt.problem.load import changed
 from hopopt.studies.choose import choice
@@ -24,11 +24,15 @@ from hopopt.studies.choose.bound import highest
 from hopopt.studies.choose.choice import ORDERS, Candidate, Choice, first_to_verify, outcome_of
 from hopopt.studies.choose.pairs import Drives, Pair, drives, keys_of, pairs
 from hopopt.studies.choose.push import push
+from hopopt.studies.maps.doubt import AROUND
+from hopopt.studies.maps.pieces import neighbours
 from hopopt.studies.maps.run import run_map
 from hopopt.studies.maps.warm import MapPoint
 from hopopt.studies.sweep.definition import Axis, Definition
 
 Say = Callable[[str], None]
+HOPELESS = 0.7  # share of the torques that hold the start pose, below which no drive was seen to hop (benchmarks/choose_pairs.py)
+NEARLY = 0.15  # share of the clearance by which a pair may miss it and be solved again from pairs like it
 
 
 def choose(
@@ -95,7 +99,7 @@ def _before(chosen: Drives, pair: Pair, wish: float, entries: Mapping[str, Entry
     most = highest(design)
     if most < wish:
         return replace(found, bound=most, outcome=choice.DROPPED, lacks="power or speed")
-    weak = drives_too_weak(design, build_robot(design.leg))
+    weak = strength(design, build_robot(design.leg)) < HOPELESS
     return replace(found, bound=most, outcome=choice.WEAK if weak else "", lacks="torque" if weak else "")
 
 
@@ -124,7 +128,9 @@ def _solved(
             known[k] = _mapped(definition, left[k], p, hops.get(k), wish)
         return first_to_verify(known, by, verify)
 
-    found = run_map(definition, checked=0, to_verify=to_verify, **settings)
+    found = run_map(
+        definition, checked=0, doubts=lambda points: _nearly(definition, points, wish), to_verify=to_verify, **settings
+    )
     for k, p in enumerate(found.points):
         if p.verified and p.clearance_m is not None:
             outcome = outcome_of(p.clearance_m, wish, True)
@@ -133,6 +139,15 @@ def _solved(
         elif not isinstance(p, MapPoint):
             known[k] = replace(known[k], sentence=f"{p.outcome}: {p.sentence}")
     return [known[k] for k in range(len(left))], found.folder
+
+
+def _nearly(definition: Definition, points: Mapping[int, MapPoint], wish: float) -> list[int]:
+    """Points that all but clear, and those without a hop beside points that do."""
+    values = {k: p.objective_value or 0.0 for k, p in points.items() if p.solved}
+    near = {k for k, value in values.items() if value >= wish * (1 - NEARLY)}
+    around = neighbours(definition, sorted(values)) if values else {}
+    failed = (k for k in sorted(points) if k not in values and near.intersection(around.get(k, ())[:AROUND]))
+    return [*(k for k in sorted(near) if values[k] < wish), *failed]
 
 
 def _mapped(definition: Definition, c: Candidate, p: MapPoint, x: np.ndarray | None, wish: float) -> Candidate:

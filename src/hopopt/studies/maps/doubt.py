@@ -1,6 +1,6 @@
 """Which points of a map are solved again, and from which around them."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -14,14 +14,17 @@ from hopopt.studies.sweep.point_file import IMPOSSIBLE
 AROUND = 3  # points that a doubtful one is solved from, at most
 
 
-def doubtful(definition: Definition, points: Mapping[int, MapPoint], all_doubts: bool) -> dict[int, list[int]]:
-    """The points to be solved again, each with those to begin from: those next to a family that was never followed to
-    them; with ``all_doubts`` also those without a hop, and those that lie below the parabola through the hops around them."""
+def doubtful(
+    definition: Definition, points: Mapping[int, MapPoint], all_doubts: bool, besides: Collection[int] = ()
+) -> dict[int, list[int]]:
+    """The points to be solved again, each with those to begin from: those ``besides``, and those next to a family that was
+    never followed to them; with ``all_doubts`` also those without a hop, and those that lie below the parabola through the
+    hops around them."""
     solved = [k for k, p in sorted(points.items()) if p.solved]
     if not solved:
         return {}
     around, jobs = neighbours(definition, solved), dict[int, list[int]]()
-    weak = _weak(definition, points, solved) if all_doubts else set[int]()
+    weak = {*besides, *(_weak(definition, points, solved) if all_doubts else ())}
     for k, p in sorted(points.items()):
         if p.outcome != IMPOSSIBLE:
             seen = () if k in weak else p.seen

@@ -13,6 +13,7 @@ from hopopt.studies.sweep.order import tree
 MOST_POINTS = 24  # from which on a piece is cut off; they take a second or two
 LEAST_POINTS = 3  # the same of small maps, which have this many pieces at least:
 LEAST_PIECES = 12
+OF_A_LIST = 4  # points of each piece of a list
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,11 @@ class Piece:
 
 
 def pieces(definition: Definition, first: int) -> list[Piece]:
-    """The whole tree from the first point, each piece after that from which it begins."""
+    """The whole tree from the first point, each piece after that from which it begins; of a list one piece after another."""
+    if definition.listed:
+        cuts = range(0, len(definition.points), OF_A_LIST)
+        listed = [range(k, min(k + OF_A_LIST, len(definition.points))) for k in cuts]
+        return [Piece(n, tuple(points), {}, frozenset()) for n, points in enumerate(listed)]
     order, parents = way(definition, first)
     size = min(MOST_POINTS, max(LEAST_POINTS, len(order) // LEAST_PIECES))
     heads = _cut(order, parents, size)

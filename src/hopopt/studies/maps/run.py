@@ -7,7 +7,7 @@ from all around them. What is given depends on the definition alone, not on the 
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,6 +51,7 @@ def run_map(
     *,
     verify_best: int = 0,
     checked: int = CHECKED,
+    doubts: Callable[[Mapping[int, MapPoint]], Collection[int]] = lambda points: (),
     to_verify: Callable[[Mapping[int, MapPoint], Mapping[int, np.ndarray]], Sequence[int]] | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
@@ -62,7 +63,8 @@ def run_map(
     """The map of a definition, begun or resumed; ``opened`` is told the folder before the work.
 
     verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random;
-    to_verify: which points besides, once all are solved
+    doubts: which points besides are solved again from those around them; to_verify: which are verified besides, once all
+    are solved
     """
     began, say = time.perf_counter(), progress or (lambda text: None)
     check_verify_best(verify_best, definition.preliminary)
@@ -75,7 +77,7 @@ def run_map(
             work = _Work(definition, folder, crew, say)
             first = read_part(folder, FIRST, 0, definition) or _saved(folder, first_search(definition, count, say))
             parts = work.pieces(first)
-            parts += work.again(parts)
+            parts += work.again(parts, doubts(_latest(parts)))
             points, solved_now, mapping = _latest(parts), work.solved, time.perf_counter() - began
             drawn, best = _drawn(definition, points, checked), _best(definition, points, verify_best)
             besides = to_verify(points, _hops(parts)) if to_verify else ()
@@ -147,7 +149,7 @@ class _Work:
 
     def pieces(self, first: Part) -> list[Part]:
         """Every piece, each as soon as the one that it begins from is there."""
-        (begin, families), *_ = first.exits.items()
+        begin, families = next(iter(first.exits.items()), (0, {}))
         whole = pieces(self.definition, begin)
         home = {k: piece.number for piece in whole for k in piece.points}
         done = {p.number: part for p in whole if (part := read_part(self.folder, PIECE, p.number, self.definition))}
@@ -169,12 +171,13 @@ class _Work:
                 count_down.more(len(part.points))
         return [done[p.number] for p in whole]
 
-    def again(self, parts: Sequence[Part]) -> list[Part]:
+    def again(self, parts: Sequence[Part], besides: Collection[int]) -> list[Part]:
         """Points that are to be doubted solved again from those around them, until that improves none."""
         found = list[Part]()
         for number in range(1, PASSES + 1):
             points = _latest([*parts, *found])
-            jobs = doubtful(self.definition, points, number == 1)
+            first = number == 1
+            jobs = doubtful(self.definition, points, first and not self.definition.listed, besides if first else ())
             done = self._again(number, jobs, points, _hops([*parts, *found]))
             found += done
             if not any(part.x for part in done):

@@ -24,7 +24,9 @@ TRIED = 4  # points, from the middle outwards, at which a hop is looked for
 
 def first_search(definition: Definition, processes: int, say: Progress) -> Part:
     """The families of the first point at which the search finds a hop, as they are carried on from there; UsageError if no
-    point is a possible problem, NotSolvedError if none of the first that are has a hop."""
+    point is a possible problem, NotSolvedError if none of the first that are has a hop. No families of a list."""
+    if definition.listed:
+        return Part(FIRST, 0, (), {})
     reason: Exception = UsageError("no point of the study is a possible problem")
     for tried, (k, hop) in enumerate(_possible(definition)):
         if tried == TRIED:

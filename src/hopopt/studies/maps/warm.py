@@ -1,11 +1,12 @@
 """One point of a map: solved on the first mesh alone, warm from each family of hops that could be the best there.
 
 A family that was so far below the best one is solved again after a way over the map on which it may have caught up. Where
-no family leads to a hop, the point is solved from the problem's own starts.
+no family leads to a hop, the point is solved from the problem's own starts; points of a list have no families.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -13,24 +14,22 @@ from hopopt.errors import HopoptError, ProblemFileError, one_line
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
+from hopopt.studies.maps.cold import TOLERANCE, cold_program, from_starts
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import first_program
 from hopopt.studies.sweep.order import UNLIKE
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, PRELIMINARY, Point
 
-TOLERANCE = 1e-6  # of Ipopt: values within 3e-4 of those of the tightest, in half the iterations
-WARM_ITERATIONS, START_ITERATIONS = 40, 120  # at most, from a neighbour and from a start
+WARM_ITERATIONS = 40  # at most, from a neighbour
 WARM = CARRIED | {"ipopt.tol": TOLERANCE, "ipopt.max_iter": WARM_ITERATIONS}
-COLD = {"ipopt.tol": TOLERANCE, "ipopt.max_iter": START_ITERATIONS}
-STARTS = 2  # of the problem, from which a point is solved where no family leads to a hop
 CATCHES_UP = 0.2  # share of the objective that a family may gain on the best over an axis' whole range
 ALWAYS = 0.02  # share of the objective: a family this near to the best is solved at every point
 SAME_VALUE = 5e-4  # share of the objective within which two hops that look alike are one
 LONGEST = 60.0  # s of one point
 RESTART = 0  # family of what a restart found
+NO_HOP = "no family of hops and no start led to a hop on the first mesh"
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,9 @@ def solved_at(definition: Definition, k: int, families: Families, before: int | 
     except HopoptError as error:  # one point does not end a map
         return replace(point, sentence=one_line(error)), families
     if not found:
-        return replace(point, sentence="no family of hops and no start led to a hop on the first mesh"), families
+        return replace(
+            point, sentence="no start led to a hop on the first mesh" if definition.listed else NO_HOP
+        ), families
     distinct = _distinct(hop, t, found)
     best = next(iter(distinct))
     kept = {f: c for f, c in families.items() if f not in found and f != RESTART}
@@ -116,35 +117,32 @@ def _stated(hop: Hop, point: MapPoint, value: float, family: int, before: int | 
 def _found(
     definition: Definition, hop: Hop, point: MapPoint, families: Families
 ) -> tuple[dict[int, NlpSolution], Transcription]:
-    """What the families lead to that may be best here, else all of them, else the problem's starts; failures left out.
-
-    Points of a list may be so unlike that no family leads from one to the best of another: there starts are tried as well.
-    """
-    until, place, found = NEVER.within(LONGEST), definition.normalized[point.index], dict[int, NlpSolution]()
+    """What the families lead to that may be best here, else all of them, else the problem's starts; failures left out."""
+    until, place = NEVER.within(LONGEST), definition.normalized[point.index]
+    if not families:
+        return _from_starts(definition, hop, point, until)
     t, solver = first_program(definition, hop, point.values, until, WARM)
     fitting = {f: c for f, c in families.items() if (len(c.x), len(c.lam_g)) == (len(t.scale), len(t.lbg))}
     likely = [f for f, c in fitting.items() if c.may_be_best(place)]
     for chosen in (likely, [f for f in fitting if f not in likely]):
         found = {f: s for f in chosen if (s := _warm(t, solver, fitting[f])).success}
-        if found and not definition.listed:
-            return found, t
         if found:
-            break
-    cold = _cold_program(definition, hop, point, until)
-    ended = next((s for s in _from_starts(hop, cold) if s.success), None)
-    return found | ({} if ended is None else {RESTART: ended}), cold.transcription
+            return found, t
+    return _from_starts(definition, hop, point, until)
 
 
 def _warm(t: Transcription, solver: NlpSolver, carried: Carried) -> NlpSolution:
     return solver.from_vector(carried.x / t.scale, (carried.lam_g, carried.lam_x))
 
 
-def _cold_program(definition: Definition, hop: Hop, point: Point, until: Deadline) -> NlpSolver:
-    return first_program(definition, hop, point.values, until, COLD)[1]
-
-
-def _from_starts(hop: Hop, solver: NlpSolver) -> Iterator[NlpSolution]:
-    return (solver(make_guess(hop, start)) for start in starts_of(hop, STARTS))
+def _from_starts(
+    definition: Definition, hop: Hop, point: MapPoint, until: Deadline
+) -> tuple[dict[int, NlpSolution], Transcription]:
+    """The first hop that the problem's starts lead to, of a list the best."""
+    solver = cold_program(definition, hop, point, until)
+    ended = list(islice(from_starts(hop, solver), None if definition.listed else 1))
+    best = max(ended, key=lambda s: hop.objective.signed_value(s.value), default=None)
+    return {} if best is None else {RESTART: best}, solver.transcription
 
 
 def _distinct(hop: Hop, t: Transcription, found: Mapping[int, NlpSolution]) -> dict[int, NlpSolution]:
@@ -171,7 +169,7 @@ def solved_from_points(
     """A point solved again from the variables (SI) at others, each with its family; the better of it and what they lead
     to, and its variables, empty if it is the point as it was."""
     hop = Hop(definition.design_at(point.index), definition.objective)
-    solver = _cold_program(definition, hop, point, NEVER.within(LONGEST))
+    solver = cold_program(definition, hop, point, NEVER.within(LONGEST))
     best, x, seen = point, np.zeros(0), tuple(sorted({*point.seen, *(family for family, _ in begins)}))
     for family, begin in begins:
         if len(begin) != len(solver.transcription.scale):  # another mesh

@@ -18,7 +18,7 @@ from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.solver.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner.search.multistart import StartOutcome, first_transcription, outcome_of
+from hopopt.planner.search.multistart import StartOutcome, first_transcription, outcome_of, watch_on
 from hopopt.studies.sweep.definition import Definition
 
 NEIGHBOUR_ITERATIONS = 60  # iterations from a neighbour's multipliers
@@ -70,7 +70,7 @@ def _ready(
 ) -> tuple[Hop, Transcription, NlpSolver]:
     """A problem with its first mesh's program, to be solved with Ipopt's options."""
     t = first_transcription(hop)
-    return hop, t, NlpSolver(t, options, until=until)
+    return hop, t, NlpSolver(t, options, watch_on(t), until)
 
 
 def compiling_shared(definition: Definition) -> AbstractContextManager[None]:
