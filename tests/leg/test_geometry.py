@@ -12,7 +12,9 @@ from hopopt import load
 from hopopt.design import Design, Leg
 from hopopt.errors import UsageError
 from hopopt.leg.geometry.distance import Distances
+from hopopt.leg.geometry.smooth import NEAR, clearances
 from hopopt.leg.geometry.solids import Solid, lowest, outline, placed, solids
+from hopopt.leg.kinematics import start_angles
 from hopopt.problem.render import resolved_toml
 
 SHAPES = """
@@ -30,6 +32,17 @@ radius = 0.03
 """
 A1 = "a1_description/urdf/a1.urdf"
 JOINTS, FOOT = ("FL_thigh_joint", "FL_calf_joint"), "FL_foot"
+A1_PROBLEM = f"""
+name = "a1"
+[leg]
+urdf = "example-robot-data/{A1}"
+joints = {list(JOINTS)}
+foot_frame = "{FOOT}"
+geometry = true
+motor.rotor_inertia = 0.0
+[start]
+joint_angles = [0.8, -1.6]
+"""
 
 
 def paper_leg(tmp_path: Path, text: str = SHAPES) -> Design:
@@ -115,10 +128,7 @@ def robots() -> Path:
 def test_geometry_of_a_urdf_is_that_of_pinocchio(tmp_path: Path) -> None:
     """A1's boxes, cylinders and spheres on the whole robot: equal but for the prisms about cylinders, 2 % wider at most."""
     path = robots() / A1
-    (tmp_path / "a1.toml").write_text(
-        f'name = "a1"\n[leg]\nurdf = "example-robot-data/{A1}"\njoints = {list(JOINTS)}\nfoot_frame = "{FOOT}"\n'
-        "geometry = true\nmotor.rotor_inertia = 0.0\n[start]\njoint_angles = [0.8, -1.6]\n"
-    )
+    (tmp_path / "a1.toml").write_text(A1_PROBLEM)
     design = load(tmp_path / "a1.toml")
     (tmp_path / "again.toml").write_text(resolved_toml(design))
     assert load(tmp_path / "again.toml") == design
@@ -141,3 +151,33 @@ def test_geometry_of_a_urdf_is_that_of_pinocchio(tmp_path: Path) -> None:
         clear = theirs > 0
         assert np.all(mine <= theirs + 3e-5)
         assert np.all(mine[clear] >= theirs[clear] - 0.02 * 0.046 - 3e-5)  # of the thickest cylinder
+
+
+def errs(design: Design, count: int) -> None:
+    """The smooth distances err at random angles by no more than they state, where they are below NEAR."""
+    found = clearances(design)
+    assert found is not None
+    true = Distances(design.leg, start_angles(design))
+    limits = [(design.leg.joint[name].lower, design.leg.joint[name].upper) for name in design.leg.joints]
+    low, high = np.transpose(limits)
+    angles = np.random.default_rng(7).uniform(low, high, (count, len(limits)))
+    for link in found.links:
+        k = design.leg.links.index(link.link)
+        pairs = [pair for pair in true.pairs if true.solids[pair[1]].joint == k]
+        least = found.level * np.tanh(true.all(angles, pairs).min(axis=1) / found.level)
+        off = np.abs(np.array(link.function(angles[:, : k + 1].T)).ravel() - least)
+        near = least < NEAR * found.reach
+        assert off[near].max(initial=0.0) <= link.error
+        assert near.sum() > 0.001 * count or not near.any()
+    assert 0 < found.error < 0.01 * found.reach
+
+
+def test_the_smooth_distance_errs_by_no_more_than_it_states(tmp_path: Path) -> None:
+    errs(paper_leg(tmp_path), 10_000)
+
+
+@pytest.mark.slow
+def test_the_smooth_distance_of_a_public_robot_errs_by_no_more_than_it_states(tmp_path: Path) -> None:
+    robots()
+    (tmp_path / "a1.toml").write_text(A1_PROBLEM)
+    errs(load(tmp_path / "a1.toml"), 10_000)

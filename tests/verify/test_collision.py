@@ -8,6 +8,7 @@ import pytest
 from hopopt.cli.screen.motion import nearest_lines
 from hopopt.design import Design
 from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.verify.check import failed
 from hopopt.verify.hops.collision import collision
@@ -22,7 +23,7 @@ def plan() -> Solution:
     return solved_once({"hop.stance_duration": [0.03, 0.2]})
 
 
-def with_ball(tmp_path: Path, place: np.ndarray, more: str = "") -> Design:
+def with_ball(tmp_path: Path, place: np.ndarray, more: str = "collision_margin = 0.0") -> Design:
     """The paper's leg with a round shank, and a ball on the body at (x, z) [m]."""
     (tmp_path / "ball.toml").write_text(
         f'extends = "paper"\nname = "ball"\n[hop]\nstance_duration = [0.03, 0.2]\n{more}\n[leg.shank]\nradius = {SHANK}\n'
@@ -62,6 +63,23 @@ def test_the_least_distance_is_that_of_a_ball_from_the_shank(plan: Solution, bes
     assert not failed(verify_plan(asked, plan.tables, plan.claims()))
     words = "passes ball at" if true.min() > 0 else "passes ball inside it by"
     assert f"nearest: shank {words} {1000 * abs(true.min()):.1f} mm" in nearest_lines(found)[0]
+
+
+@pytest.mark.slow
+def test_a_planted_ball_is_avoided_and_costs_height(plan: Solution, tmp_path: Path) -> None:
+    """The margin is kept by coal, whose distances the planner does not see."""
+    t, _, foot = swing(plan)
+    middle = int(np.searchsorted(t, 0.9 * plan.end))
+    design = with_ball(tmp_path, foot[middle], "")
+    found = solve(design, starts=1, processes=1)
+    near = found.summary.collision
+    assert found.summary.verified
+    assert near is not None
+    assert near.margin_m is not None
+    assert near.margin_m == pytest.approx(0.005 * 0.741)
+    assert near.margin_m - 1e-4 < near.least_distance_m < 0.02
+    assert near.error_m is not None
+    assert found.summary.clearance_m < plan.summary.clearance_m - 1e-5
 
 
 def test_a_leg_without_shapes_has_no_distance(plan: Solution) -> None:

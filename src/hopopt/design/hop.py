@@ -105,6 +105,10 @@ class HopSettings(Section):
         "what stays above the ground: any joint (at the top of its link), 'foot'; default, and []: all of them", ()
     )
     least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)
+    collision_margin: float | None = quantity(
+        "least distance of the leg from the body and from itself, by their shapes (default: 0.005 of the leg's length)",
+        "m", 0, 1, None,
+    )  # fmt: skip
     may_collide: bool | None = choice(
         "whether a hop in which the leg meets the body, or itself, may be an answer, by their shapes (default: it may not)",
         None,

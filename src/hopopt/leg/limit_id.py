@@ -40,6 +40,7 @@ class Kind(Enum):
     FOOT_SPEED = "foot speed at touchdown"
     GEAR_IMPACT = "gear torque at touchdown"
     OBSTACLE = "obstacle"
+    COLLISION = "collision margin"
     USER = "user-defined"
 
 

@@ -22,6 +22,7 @@ from hopopt.leg.robot import BASE
 from hopopt.leg.scales import descent_range
 from hopopt.ocp.drives import asked, bus_power, bus_voltage, changing
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE, MovingLeg
+from hopopt.ocp.hops.collision import collision
 from hopopt.ocp.problem import INF, Instant, PathConstraint
 
 Rule = Callable[[MovingLeg, str], tuple[PathConstraint, ...]]
@@ -157,15 +158,8 @@ def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
 
 
 BUILT_IN: tuple[Rule, ...] = (
-    drives,
-    mechanical_power,
-    torque_rates,
-    supply,
-    ground,
-    force_rates,
-    heights,
-    counter_movement,
-)
+    drives, mechanical_power, torque_rates, supply, ground, force_rates, heights, counter_movement, collision,
+)  # fmt: skip
 RULES: Registry[Any] = Registry(
     "constraint", {}
 )  # of the user's own: such rules, or functions of an instant (custom.py)

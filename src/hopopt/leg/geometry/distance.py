@@ -1,5 +1,6 @@
 """How near the leg comes to itself and to the body, by coal: the truth that plans are measured by."""
 
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -41,14 +42,15 @@ class Distances:
         body, leg = (self.solids[k].name for k in pair)
         return leg, body
 
-    def all(self, q_j: np.ndarray) -> np.ndarray:
-        """Signed distances (m, pairs) [m] at joint angles q_j (m, n) [rad]."""
+    def all(self, q_j: np.ndarray, pairs: Sequence[tuple[int, int]] | None = None) -> np.ndarray:
+        """Signed distances (m, pairs) [m] at joint angles q_j (m, n) [rad], of all pairs or of these."""
+        pairs = self.pairs if pairs is None else pairs
         model, data = self._robot.model, self._robot.model.createData()
         self._model.removeAllCollisionPairs()
-        for pair in self.pairs:
+        for pair in pairs:
             self._model.addCollisionPair(pin.CollisionPair(*pair))
         geometry = pin.GeometryData(self._model)
-        found = np.empty((len(q_j), len(self.pairs)))
+        found = np.empty((len(q_j), len(pairs)))
         place = np.zeros(model.nq)
         for row, q in zip(found, q_j, strict=True):
             place[BASE:] = q

@@ -29,6 +29,7 @@ SAYS = {  # what a constraint says
     Kind.CLEARANCE: "the clearance asked for",
     Kind.WINDOW: "the foot within its window at the apex",
     Kind.LANDING_WINDOW: "the foot within its window at touchdown",
+    Kind.COLLISION: "the leg clear of the body and of itself",
     Kind.OBSTACLE: "the leg clear of the obstacle",
     Kind.IMPACT_PUSH: "the ground pushes in the impact",
     Kind.IMPACT_FRICTION: "the foot does not slip in the impact",

@@ -12,6 +12,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.design.parameters import variable_numbers
 from hopopt.errors import ProblemFileError
+from hopopt.leg.geometry.solids import has_shape
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.compiled import compiling
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
@@ -84,8 +85,12 @@ def formative_entries(definition: Definition) -> list[str]:
 
 
 def _formative(design: Design, entries: Iterable[str]) -> list[str]:
-    """Those of the entries that are not just numbers of a program, but change its form or its bounds."""
+    """Those of the entries that are not just numbers of a program, but change its form or its bounds: of a leg with shapes
+    its lengths and start too, on which its distances depend."""
     numbers = variable_numbers(design)
+    if has_shape(design.leg):
+        numbers = {entry: value for entry, value in numbers.items() if not entry.endswith(".length")}
+        return [entry for entry in entries if entry not in numbers]
     return [entry for entry in entries if entry not in numbers and not entry.startswith("start.")]
 
 

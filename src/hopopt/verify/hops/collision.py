@@ -7,11 +7,12 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.leg.geometry.distance import Distances
+from hopopt.leg.geometry.smooth import clearances, margin_of
 from hopopt.leg.geometry.solids import has_shape
 from hopopt.leg.kinematics import reach, start_angles
 from hopopt.leg.robot import BASE
 from hopopt.record import Strict, if_any, stated
-from hopopt.verify.check import Check
+from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.table import NORMALISED_TIMES, Table, dense
 
 EVENLY = np.linspace(0.0, 1.0, 21)  # normalised times of the intervals that are looked at closely
@@ -20,7 +21,6 @@ NEAR, CLOSEST = (
     0.01,
     1e-3,
 )  # of the leg's reach above the least distance: intervals that are looked at closely, more closely
-OVERLAP = 1e-5  # of the leg's reach: an overlap that is none
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,16 @@ class Collision(Strict):
     )
     between: tuple[str, str] = stated("which two")
     time_s: float = stated("when, since stance began [s]")
+    margin_m: float | None = if_any(
+        "what the plan keeps: hop.collision_margin, or less where the hop starts nearer [m]"
+    )
+    error_m: float | None = if_any("by how much the smooth distance may err that the plan keeps it by [m]")
     left_out: tuple[str, ...] = if_any("neighbours at a joint that touch where the hop starts", default=())
+
+    @property
+    def kept(self) -> float:
+        """The least distance that is allowed [m]."""
+        return max(self.margin_m or 0.0, 0.0)
 
 
 def collision(design: Design, tables: Mapping[str, Table]) -> Collision | None:
@@ -55,9 +64,12 @@ def collision(design: Design, tables: Mapping[str, Table]) -> Collision | None:
     ]
     (place, pair, distance), k = min(looked, key=lambda one: one[0][-1])
     begin, end = t[k, [0, -1]]
+    planned, margin = clearances(design), None
+    if planned is not None:
+        margin = min(margin_of(design), float(found.all(start_angles(design)[None]).min()) - 2 * planned.error)
     return Collision(
         distance, found.names(found.pairs[pair]), float(begin + place * (end - begin)),
-        left_out=tuple(" and ".join(found.names(pair)) for pair in found.left_out),
+        margin_m=margin, error_m=planned and planned.error, left_out=tuple(" and ".join(found.names(pair)) for pair in found.left_out),
     )  # fmt: skip
 
 
@@ -88,4 +100,5 @@ def collision_checks(design: Design, tables: Mapping[str, Table]) -> Iterator[Ch
     found = None if design.hop.may_collide else collision(design, tables)
     if found is not None:
         where = f"{' and '.join(found.between)} at {found.time_s:.4f} s"
-        yield Check("collision", max(-found.least_distance_m, 0.0), OVERLAP * reach(design.leg), "m", where)
+        allowed = LIMIT * reach(design.leg)
+        yield Check("collision", max(found.kept - found.least_distance_m, 0.0), allowed, "m", where)
