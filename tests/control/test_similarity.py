@@ -140,6 +140,9 @@ def test_a_plan_to_track_holds_back_what_gears_of_the_machine_alone_take() -> No
         leg = reserved(load("paper", entries)).leg
         assert leg.motor is not None
         assert leg.motor.max_torque == pytest.approx(0.98 * passed * 2.0)
+    leg = reserved(load("paper", {"leg.hip.gear.efficiency": 0.8, "simulation.gear_efficiency": 0.8})).leg
+    torques = [leg.drive(joint, "motor", "max_torque")[1] for joint in ("hip", "knee")]
+    assert torques == pytest.approx([0.98 * 2.0, 0.98 * 0.8 * 2.0])  # each gear by itself
 
 
 def test_caps_of_motor_and_gear_count_at_standstill() -> None:

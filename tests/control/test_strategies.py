@@ -17,6 +17,7 @@ from hopopt.control.paper_pd import Force, Position
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design
+from hopopt.drivetrain.motor import rated
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE
@@ -123,6 +124,12 @@ def test_losses_and_weak_motors_cost_push_and_the_balance_still_closes(paper: De
         assert run.figures.budget["push_m"] < runs["force"].figures.budget["push_m"] - 0.02
         lost = np.diff(run.trace.work[:, 1])
         assert np.all(lost >= 0) if run.design is lossy else not lost.any()
+    span, (torque, speed), ratio = run.figures.stance, rated(paper.leg, "knee"), paper.leg.gear.ratio
+    motor, w = run.trace.motor[span, 1], run.trace.v[span, -1]
+    driving = (motor > 1.0) & (w > 0.1)
+    full = 0.7 * (1 - 0.7 * w[driving] * ratio / speed) * torque * ratio  # of the true motor, whose back-EMF is less
+    np.testing.assert_allclose(run.figures.saturation(1)[driving], np.minimum(motor[driving] / full, 1.0), rtol=1e-9)
+    assert driving.sum() > 50
 
 
 # ---- hopping on and on ----------------------------------------------------------------------------------------

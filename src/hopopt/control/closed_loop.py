@@ -48,6 +48,7 @@ class Run:
     trace: states, torques, force and events over time
     controller: as it was when the run ended; None of a run that was read
     stated: of a run that was read, what its folder says of the controller: options, feedback_moves, overshoot_m, limited_by
+    torque_gain: as in ``Drive``
     """
 
     strategy: Strategy
@@ -55,16 +56,22 @@ class Run:
     trace: Trace
     controller: Controller | None
     stated: Mapping[str, Any] = field(default_factory=dict)
+    torque_gain: np.ndarray | None = None
 
     def __repr__(self) -> str:
         return (
             f"<Run of {self.strategy.name} on {self.design.name}: {self.figures.clearance:.4f} m, {self.trace.outcome}>"
         )
 
+    @property
+    def gain(self) -> Any:
+        """``torque_gain`` as a factor: 1 where it is as believed."""
+        return 1.0 if self.torque_gain is None else np.asarray(self.torque_gain, dtype=float)
+
     @cached_property
     def figures(self) -> HopFigures:
         """Of the first hop: clearance [m] and all that is measured of it."""
-        return HopFigures(self.design, self.trace)
+        return HopFigures(self.design, self.trace, torque_gain=self.gain)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -164,7 +171,7 @@ def simulate(
         )
         error = trace.energy_error
         if error <= BALANCED or trace.outcome == RAN_AWAY:
-            return Run(strategy, truth, trace, fresh)
+            return Run(strategy, truth, trace, fresh, torque_gain=torque_gain)
     raise HopoptError(
         f"{design.name}, strategy {strategy.name}: the simulation's energy balance is off by {error:.1e}, more than "
         f"{BALANCED:g} may be, in the finest steps that were tried: give less gear friction or softer gains"

@@ -1,9 +1,10 @@
 """The problem with a reserve held back from its limits, and the plan that a controller can follow for it."""
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
-from hopopt.design import Design, Reserve, as_changed
+from hopopt.design import Design, Leg, Reserve, as_changed
 from hopopt.drivetrain.gear import states
 from hopopt.drivetrain.motor import state_ratings
 from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
@@ -28,19 +29,33 @@ def reserved(design: Design) -> Design:
     gears of the machine alone take, which the plan does not know; UsageError if that leaves a limit that no problem may have."""
     r, data = reserve_of(design), design.model_dump(exclude_none=True)
     state_ratings(design.leg, data["leg"])
-    planned = all(states(design.leg, name, "efficiency") for name in design.leg.joints)
-    passed = 1.0 if planned else design.simulation.gear_efficiency
+    passed = {name: _passed(design, name) for name in design.leg.joints}
+    if len(set(passed.values())) > 1:
+        _state_torques(design.leg, data["leg"])
     data["contact"]["least_force"] += r.ground_force
     data["hop"]["least_height"] += r.height
     for name, angle in zip(design.leg.joints, start_angles(design), strict=True):
         joint = data["leg"][name]
         joint["lower"] = max(joint["lower"], min(joint["lower"] + r.angle, float(angle) - 1e-6))
         joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
-        _hold_back(joint, r, passed)
-    _hold_back(data["leg"], r, passed)
+        _hold_back(joint, r, passed[name])
+    _hold_back(data["leg"], r, min(passed.values()))
     data["solver"]["tie_break"] = max(design.solver.tie_break, TRACKED_TIE_BREAK)
     remedy = "hold less back, or leave out the strategies that track a plan"
     return as_changed(data, "[reserve] leaves", remedy)
+
+
+def _passed(design: Design, joint: str) -> float:
+    """Share of a motor's torque that a joint's gear passes on, as far as the plan does not know of it."""
+    return 1.0 if states(design.leg, joint, "efficiency") else design.simulation.gear_efficiency
+
+
+def _state_torques(leg: Leg, tables: dict[str, Any]) -> None:
+    """Write every limit of a torque that joints share into the tables of each, for gears that differ."""
+    for joint, (part, key) in product(leg.joints, TORQUES):
+        path, value = leg.drive(joint, part, key)
+        if value is not None and path == f"leg.{part}.{key}":
+            tables[joint].setdefault(part, {})[key] = value
 
 
 def _hold_back(drive: dict[str, Any], reserve: Reserve, passed: float) -> None:

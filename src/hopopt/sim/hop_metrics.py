@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -33,11 +34,13 @@ def beyond_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class HopFigures:
     """What the first hop of a run amounts to, by the same definitions as the optimum's; a foot off the ground for less
-    than ``bounce`` [s, on the paper's leg] has not hopped."""
+    than ``bounce`` [s, on the paper's leg] has not hopped. torque_gain: each motor's true torque constant over the believed
+    one, a number or (n,)."""
 
     design: Design
     trace: Trace
     bounce: float = BOUNCE
+    torque_gain: Any = 1.0
 
     @cached_property
     def scale(self) -> Scale:
@@ -169,7 +172,7 @@ class HopFigures:
         """Saturation ratio C of a joint at every sample of stance (the paper's eq. 17), at most 1."""
         trace, span, leg = self.trace, self.stance, self.design.leg
         region, p = operating_region(leg, trace.robot.joints[joint], trace.robot.parameters), trace.robot.parameters
-        motor, speed = trace.motor[span], trace.v[span, BASE:]
+        motor, speed = trace.motor[span] / self.torque_gain, trace.v[span, BASE:] * self.torque_gain  # as if believed
         voltage = voltage_share(leg, p, list(motor.T), list(speed.T)) if leg.supply else None
         ratio = region.at(voltage).saturation(speed[:, joint], motor[:, joint])
         return np.minimum(ratio, 1.0)

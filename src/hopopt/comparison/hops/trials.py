@@ -51,7 +51,7 @@ class Hops:
     def each(self) -> tuple[HopFigures, ...]:
         """The figures of every whole hop, from landing to landing."""
         hops = hops_of(self.run.trace)[: self.asked]
-        return tuple(HopFigures(self.run.design, hop, BOUNCED) for hop in hops)
+        return tuple(HopFigures(self.run.design, hop, BOUNCED, self.run.gain) for hop in hops)
 
     @cached_property
     def clearances(self) -> np.ndarray:
