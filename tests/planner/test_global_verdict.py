@@ -5,13 +5,15 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli.screen.search import global_line, starts_lines
-from hopopt.global_search import Rollout, search
+from hopopt.global_search import Rollout, left_out, search
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
+from hopopt.planner.answer.extras import GlobalMethod
 from hopopt.planner.checks.global_verdict import GRID_TOO_COARSE, LESS, MAY_EXIST, NOTHING, followed, highest, verdict
 from hopopt.planner.search.first_mesh import rollout_starts
 from hopopt.planner.search.multistart import STOPPED_NEAR_KNOWN
 from hopopt.planner.solve import solve_from
+from hopopt.problem.load import load
 from second_program import Leg, best_hop
 
 # Entry, the answer [m], what the grid promises and its best motion reaches with flights that fold the leg in no time [m].
@@ -43,6 +45,19 @@ SLOW = 3  # legs at the beginning of that list whose drives fold slowly
 )
 def test_three_verdicts(value: float, motion: float | None, solved: float | None, said: str) -> None:
     assert verdict(value, highest(motion, solved), 0.8) == said
+
+
+def test_a_method_that_leaves_something_out_says_nothing_by_promising_more() -> None:
+    """Motions of a supply that never sags are no hops of one that does: those that were solved from them count."""
+    sags, stiff = load("paper", {"supply.voltage": 48.0, "supply.internal_resistance": 0.05}), load("paper")
+    assert left_out(stiff) is None
+    said = verdict(0.9, 0.8, 0.8, left_out(sags))
+    assert said is not None
+    assert "supply sags" in said
+    assert verdict(0.9, 0.81, 0.8, left_out(sags)) == MAY_EXIST
+    assert verdict(0.805, 0.8, 0.8, left_out(sags)) == NOTHING
+    found = GlobalMethod("grid", (15,) * 4, 0.9, False, solved_m=0.8, motion_m=0.88, left_out=left_out(sags))
+    assert followed(found) == 0.8
 
 
 def test_an_answer_below_zero_is_compared_as_well() -> None:

@@ -7,6 +7,11 @@ from hopopt.leg.kinematics import planar, two_joints
 UNKNOWN = ("power_cap", LIMIT)  # entries of motors that its grid does not see
 
 
+def left_out(design: Design) -> str | None:
+    """What of a problem the global search leaves out, in a clause, so that its motions may do more than the leg; else None."""
+    return None if design.leg.supply is None else "that the supply sags or has caps"
+
+
 def applies(design: Design) -> str | None:
     """None, or in one clause why the global search does not apply to a problem."""
     leg = design.leg

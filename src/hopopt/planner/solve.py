@@ -22,7 +22,7 @@ from hopopt.planner.answer.starts import start_figures
 from hopopt.planner.answer.summary import LATE
 from hopopt.planner.attempts import HOP, Attempt, AttemptOutcome, tried_again, with_tighter_tolerances
 from hopopt.planner.checks.cross_check import cross_check_entries
-from hopopt.planner.checks.global_verdict import NOTHING, alarm_note, global_figures
+from hopopt.planner.checks.global_verdict import GRID_TOO_COARSE, MAY_EXIST, alarm_note, global_figures
 from hopopt.planner.refine_and_verify import (
     aims_of,
     judged,
@@ -151,7 +151,7 @@ def _found(
 def doubted(hop: Hop, searched: FirstMesh, finished: Sequence[Solution]) -> bool:
     """Whether the global method, as far as it has looked, has not found the best of the finished hops, or promises more."""
     found = global_figures(searched, best_of(hop.objective, finished), families(hop, searched.outcomes, finished))
-    return found.verdict not in (None, NOTHING)
+    return found.verdict in (MAY_EXIST, GRID_TOO_COARSE)
 
 
 def _refined(

@@ -19,7 +19,7 @@ from hopopt.evidence import dynamic_programming as upright
 from hopopt.evidence import local_optima as study
 from hopopt.evidence import thorough_search as thorough
 from hopopt.evidence.dynamic_programming import CONTRADICTING_HEIGHT, TELLING
-from hopopt.global_search import applies
+from hopopt.global_search import applies, left_out
 from hopopt.global_search.search import check_size
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
@@ -132,7 +132,9 @@ def _gathered(
     contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTING_HEIGHT
     known_as = families(hop, outcomes, [best])
     on_finest = (overall.get("grids") or [{"value_m": None, "rollout_m": None}])[-1]
-    said = verdict(on_finest["value_m"], highest(on_finest["rollout_m"], led_to(known_as)), best.clearance)
+    relaxed, solved = left_out(design), led_to(known_as)
+    reached = solved if relaxed else highest(on_finest["rollout_m"], solved)
+    said = verdict(on_finest["value_m"], reached, best.clearance, relaxed)
     overall |= {"verdict": said, "alarm": said == MAY_EXIST}
     return {
         "problem": design.name, "objective": objective, "upper_bound": as_data(bound),

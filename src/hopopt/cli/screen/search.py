@@ -52,7 +52,9 @@ def global_line(s: Summary) -> list[str]:
         return []
     parts = {"promised": found.value_m, "by its motions": found.motion_m, "by hops solved from them": found.solved_m}
     told = ", ".join(f"{x:.3f} {name}" for name, x in parts.items() if x is not None)
-    judged = verdict(found.value_m, followed(found), s.clearance_m) if s.objective == "clearance" else None
+    judged = None
+    if s.objective == "clearance":
+        judged = verdict(found.value_m, followed(found), s.clearance_m, found.left_out)
     said = judged or "no verdict, for it knows clearances alone"
     grid = " x ".join(map(str, found.grid))
     return [f"a global method ({found.method}) on {grid} states reaches {most:.3f} m ({told}): {said}"]

@@ -143,4 +143,7 @@ class GlobalMethod(Strict):
     steps: int | None = if_any("steps of time")
     motion_m: float | None = if_any("clearance that its best motion from the start reaches, its flight counted [m]")
     seconds: float | None = if_any("[s]")
+    left_out: str | None = if_any(
+        "what of the problem its motions do not know, so that only hops solved from them count"
+    )
     reason: str | None = if_any("why no global method was used")
