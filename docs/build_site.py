@@ -1,11 +1,10 @@
 """The documentation as a site: python docs/build_site.py [FOLDER] (default: site). Offline; a warning is an error.
 
 Sphinx with furo and myst-nb: it shows the pages of this folder as they are, and stored notebooks with their figures, and
-its pages fetch nothing from a network. Pages on the keys of a problem file, on the commands and on the Python interface
-are written here from the code.
+its pages fetch nothing from a network. Pages on the keys of a problem file and on the commands are written here from the
+code; those on the Python interface by docs/write_reference.py.
 """
 
-import inspect
 import json
 import re
 import shutil
@@ -39,7 +38,7 @@ PARTS = {  # of the site, in the order in which they are read
     "Gallery": ("notebooks/*",),
     "Why to believe it": ("method", "error", "certificate", "structure", "evidence", "diagnose", "bound"),
     "The paper": ("paper", "paper_equations"),
-    "Reference": ("python", "keys", "commands", "reference"),
+    "Reference": ("python", "keys", "commands", "reference/*"),
     "To change hopopt": ("architecture", "extending", "costs", "peers", "tried"),
 }
 CONFIG = f"""
@@ -70,7 +69,7 @@ def write_source(source: Path) -> None:
     shutil.copytree(
         ROOT / "notebooks", source / "notebooks", ignore=shutil.ignore_patterns("*.py", ".ipynb_checkpoints")
     )
-    pages = {"keys": key_page(), "commands": command_page(), "reference": python_page(), "index": index_page(source)}
+    pages = {"keys": key_page(), "commands": command_page(), "index": index_page(source)}
     for name, text in pages.items():
         (source / f"{name}.md").write_text(text, encoding="utf-8")
     for page in source.glob("*.md"):
@@ -171,27 +170,6 @@ def command_page() -> str:
         first = f"\n### hopopt {next(iter(commands))}\n"
         text = text.replace(first, f"\n## {title}\n{first}")
     return text
-
-
-def python_page() -> str:
-    """Every public name of hopopt: signature and docstring."""
-    import hopopt
-
-    lines = ["# Every name of the Python interface", "", "`import hopopt as ho`", ""]
-    for name in hopopt.__all__:
-        thing = getattr(hopopt, name)
-        lines += [f"## {name}", "", *_block(thing, name)]
-        if inspect.isclass(thing):
-            for member, what in inspect.getmembers(thing):
-                doc = inspect.getdoc(what)
-                if not member.startswith("_") and doc and (inspect.isfunction(what) or isinstance(what, property)):
-                    lines += [f"### {name}.{member}", "", *_block(what, member)]
-    return "\n".join(lines)
-
-
-def _block(thing: Any, name: str) -> list[str]:
-    head = f"{name}{inspect.signature(thing)}\n\n" if callable(thing) else ""
-    return ["```text", head + (inspect.getdoc(thing) or ""), "```", ""]
 
 
 if __name__ == "__main__":

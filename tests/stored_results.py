@@ -1,11 +1,19 @@
 """Results as the commands write them, made without solving: a study with given heights, a robust hop."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import hopopt as ho
+from hopopt.comparison.compare import reference_of
+from hopopt.comparison.robust.robust import RobustHop
+from hopopt.comparison.robust.robust_search import PlanTrial
+from hopopt.comparison.robust.robustness import Reached
+from hopopt.ocp.objectives.registry import find as objective
+from hopopt.storage.folder import new_folder
+from hopopt.studies.pareto.front import Front, FrontPoint
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
 from hopopt.studies.sweep.run import Study
@@ -49,3 +57,25 @@ def stored_study(
     study = Study(definition, points, folder, 3.0)
     save_tables(folder, definition, points, study.as_dict())
     return study
+
+
+def stored_front(hop: ho.Solution, results: Path) -> Front:
+    """A front with the same hop at two points, found in another order than that of its axis."""
+    front = Front(hop.design, objective("energy"), new_folder(results / "front"))
+    for asked, value in ((hop.clearance, 200.0), (0.2, 50.0)):
+        kept = ho.save(hop, front.folder / "points") if front.folder else hop
+        place = str(kept.folder)
+        front.add(FrontPoint("point", asked, hop.clearance, value, True, "", place, 1.0), kept)
+    front.add(FrontPoint("point", 0.5, None, None, False, "not solved: no start led to a hop"), None)
+    front.complete = True
+    front.write()
+    return front
+
+
+def robust_hop(hop: ho.Solution) -> RobustHop:
+    """A robust plan of three drawn legs, whose motion is a hop's."""
+    legs = Reached(np.array([0.6, 0.7, 0.75]), ("the foot passed its apex", "landing 1", "fell"))
+    reference = replace(reference_of(hop), feedback=np.hstack([np.diag([9.0, 8.0]), np.diag([2.0, 1.0])]))
+    best = PlanTrial("program", hop.design, hop, reference, True, 0.6, 0.6)
+    lowest = {"reserve": None, "program": 0.6}
+    return RobustHop(best, lowest, hop, hop, legs, {"force_tuck": legs}, "force_tuck", 0.5, 0.5, 1)

@@ -67,6 +67,12 @@ def test_the_problem_comes_first() -> None:
 def test_all_that_takes_long_tells_how_it_goes_on() -> None:
     quick = {"constraint", "identify", "load", "objective", "program", "read", "save"}
     longer = {"Solution.compare", "Solution.compare_hops", "Comparison.why", "HopsComparison.why"}
+    limited = [
+        *(VERBS[name] for name in VERBS.keys() - quick - {"choose", "verify"}),
+        *(METHODS[name] for name in longer),
+    ]
+    assert all("time_limit" in inspect.signature(function).parameters for function in limited)
+    assert all("results" in inspect.signature(f).parameters for f in limited if f.__name__ != "why")
     assert all("progress" in inspect.signature(VERBS[name]).parameters for name in VERBS.keys() - quick)
     assert all("progress" in inspect.signature(METHODS[name]).parameters for name in longer)
 

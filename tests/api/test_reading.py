@@ -1,7 +1,6 @@
 """Results read from their folders as what they were, and verified again."""
 
 import json
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,26 +10,19 @@ import pytest
 
 import hopopt as ho
 from hopopt.api.asked import as_class
-from hopopt.comparison.compare import reference_of
 from hopopt.comparison.hops.hop_after_hop import HopsComparison
 from hopopt.comparison.hops.transition import Transition
 from hopopt.comparison.hops.trials import Hops
-from hopopt.comparison.robust.robust import RobustHop
-from hopopt.comparison.robust.robust_search import PlanTrial
-from hopopt.comparison.robust.robustness import Reached
 from hopopt.control.closed_loop import simulate
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import find
 from hopopt.errors import ResultError, UsageError
-from hopopt.ocp.objectives.registry import find as objective
 from hopopt.planner import solution
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.several_hops import HopsPlan
 from hopopt.sim.controller import Measurement
-from hopopt.storage.folder import new_folder
-from hopopt.studies.pareto.front import Front, FrontPoint
 from hopopt.verify.check import Check
-from stored_results import stored_study
+from stored_results import robust_hop, stored_front, stored_study
 
 QUICK = {"simulation.control_rate": 500}
 RATIOS = {"leg.gear.ratio": [80, 90, 100]}
@@ -103,19 +95,6 @@ def test_a_study_is_read_with_the_points_that_are_finished(tmp_path: Path) -> No
     assert list(part.outcome.values) == ["verified", "", "not verified"]
 
 
-def stored_front(hop: ho.Solution, results: Path) -> Front:
-    """A front with the same hop at two points, found in another order than that of its axis."""
-    front = Front(hop.design, objective("energy"), new_folder(results / "front"))
-    for asked, value in ((hop.clearance, 200.0), (0.2, 50.0)):
-        kept = ho.save(hop, front.folder / "points") if front.folder else hop
-        place = str(kept.folder)
-        front.add(FrontPoint("point", asked, hop.clearance, value, True, "", place, 1.0), kept)
-    front.add(FrontPoint("point", 0.5, None, None, False, "not solved: no start led to a hop"), None)
-    front.complete = True
-    front.write()
-    return front
-
-
 def test_a_front_is_read_in_the_order_of_its_axis(hop: ho.Solution, tmp_path: Path) -> None:
     front = stored_front(hop, tmp_path)
     assert front.folder is not None
@@ -137,14 +116,6 @@ def test_tables_of_studies_fronts_and_robust_plans_have_columns_of_the_same_name
     drawn = ho.RobustHop.with_methods(robust_hop(hop)).to_dataframe()
     assert {"outcome", "clearance_m", "objective_value", "seconds", "sentence"} <= set(study) & set(front)
     assert {"outcome", "clearance_m"} <= set(drawn)
-
-
-def robust_hop(hop: ho.Solution) -> RobustHop:
-    legs = Reached(np.array([0.6, 0.7, 0.75]), ("the foot passed its apex", "landing 1", "fell"))
-    reference = replace(reference_of(hop), feedback=np.hstack([np.diag([9.0, 8.0]), np.diag([2.0, 1.0])]))
-    best = PlanTrial("program", hop.design, hop, reference, True, 0.6, 0.6)
-    lowest = {"reserve": None, "program": 0.6}
-    return RobustHop(best, lowest, hop, hop, legs, {"force_tuck": legs}, "force_tuck", 0.5, 0.5, 1)
 
 
 def test_a_robust_plan_is_read_as_it_was(hop: ho.Solution, tmp_path: Path) -> None:

@@ -6,10 +6,11 @@ below; of a class with no hops in it, ``asked.as_class`` does.
 """
 
 # the old names are not in __all__: nobody need find them any more
+from hopopt.api.keeping import save
 from hopopt.api.old_names import codesign as codesign  # pyright: ignore[reportDeprecated]
 from hopopt.api.old_names import front as front  # pyright: ignore[reportDeprecated]
 from hopopt.api.program import Program, ProgramSolution
-from hopopt.api.reading import Verification, read, save, verify
+from hopopt.api.reading import Verification, read, verify
 from hopopt.api.results import Choice, Front, Map, RobustHop, Run, Study, Transition
 from hopopt.api.solution import Comparison, HopsComparison, Ladder, Solution
 from hopopt.api.studies import choose, pareto, robust, sweep, transition

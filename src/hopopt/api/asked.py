@@ -7,8 +7,10 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from hopopt.api.notebook.bar import Bar, shell_of_a_notebook
 from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.custom import Custom, Moment
 from hopopt.ocp.objectives.objective import HopObjective
 
@@ -18,17 +20,28 @@ if TYPE_CHECKING:
 Problem = Design | str | Path
 Objective = str | Callable[[Moment], Any] | HopObjective
 Constraint = str | Callable[[Moment], Any] | Custom
-Progress = Callable[[str], None] | bool  # a function that is told a line of text, or True: lines on standard error
+Progress = Callable[[str], None] | bool | None  # a function, True: lines on standard error, None: a bar in a notebook
 P = ParamSpec("P")
 R = TypeVar("R")
 Found = TypeVar("Found")
 
 
-def told(progress: Progress | None) -> Callable[[str], None]:
-    """The function that is told how the work goes on."""
+def told(progress: Progress) -> Callable[[str], None]:
+    """The function that is told how the work goes on: what was given, lines on standard error, or a bar in a notebook."""
     if callable(progress):
         return progress
+    if progress is None and (shell := shell_of_a_notebook()) is not None:
+        return Bar(shell)
     return _on_standard_error if progress else lambda text: None
+
+
+def within(seconds: float | None) -> Deadline:
+    """The moment by which work is to have ended; never without a limit. UsageError for what is no time."""
+    if seconds is None:
+        return NEVER
+    if not seconds > 0:
+        raise UsageError(f"time_limit = {seconds:g}: seconds above 0 are needed, or None for no limit")
+    return NEVER.within(seconds)
 
 
 def _on_standard_error(text: str) -> None:

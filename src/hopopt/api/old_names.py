@@ -22,7 +22,7 @@ def front(
     starts: int | None = None,
     processes: int | None = None,
     results: str | Path | None = None,
-    progress: Progress = False,
+    progress: Progress = None,
 ) -> Front:
     """The old name of ``pareto``."""
     return pareto(
@@ -42,7 +42,7 @@ def codesign(
     starts: int | None = None,
     processes: int | None = None,
     time_limit: float | None = None,
-    progress: Progress = False,
+    progress: Progress = None,
 ) -> Solution:
     """The old name of ``solve`` with ``free``."""
     return solve(

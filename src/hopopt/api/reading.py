@@ -1,8 +1,7 @@
-"""Results that are kept in folders: written, read as what they were, and verified again."""
+"""Results that are kept in folders: read as what they were, and verified again."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
@@ -28,8 +27,6 @@ from hopopt.studies.sweep.store import read_definition
 
 Result = Solution | Study | Front | Comparison | HopsComparison | RobustHop | Transition | Run
 Kind = TypeVar("Kind", bound=Result)
-Kept = TypeVar("Kept", bound="solution.Solution | Comparison | HopsComparison | RobustHop | Transition | Run")
-Figures = Callable[[Any, Path], Any]
 
 
 def _study(folder: Path) -> Study:
@@ -76,37 +73,6 @@ def read(folder: str | Path, kind: type[Result] | None = None) -> Result:
     return found if isinstance(found, Solution | Study | Front) else replace(found, folder=folder)
 
 
-def save(found: Kept, results: str | Path = "results", figures: Figures | None = None) -> Kept:
-    """Write a result into a new folder; the same result with its ``folder`` noted. Studies and fronts keep themselves.
-
-    found: a solution, comparison, robust plan, transition or run
-    results: the folder below which
-    figures: called with the result and a folder, draws what is to lie there
-
-    Raises ResultError if it cannot be written; the data of a solution are then kept in a folder for temporary files.
-    """
-    place: Path = Path(results)
-    if isinstance(found, solution.Solution):
-        made: Any = Solution.with_methods(storage.save(found, place, figures))
-        return made
-    draw = None if figures is None else partial(figures, found)
-    for kind, write in WRITERS.items():
-        if isinstance(found, kind):
-            made = replace(found, folder=write(found, place, draw))  # type: ignore[type-var]
-            return made
-    words = "it keeps itself in its folder" if isinstance(found, Study | Front) else "it is no result"
-    raise UsageError(f"{type(found).__name__} cannot be saved: {words}")
-
-
-WRITERS: Mapping[type, Callable[[Any, Path, Any], Path]] = {
-    Comparison: lambda c, place, draw: comparisons.save_comparison(c, place, figures=draw),
-    HopsComparison: lambda c, place, draw: hops.save_hops(c, place, figures=draw),
-    RobustHop: lambda r, place, draw: robust.save_robust(r, place, figures=draw),
-    Transition: lambda t, place, draw: hops.save_transition(t, place, figures=draw),
-    Run: lambda r, place, draw: comparisons.save_run(r, len(r.trace.times_of("touchdown")), place, figures=draw),
-}
-
-
 # ---- verified again -----------------------------------------------------------------------------------------------
 
 
@@ -144,13 +110,13 @@ def verify(
     *,
     objective: Objective | None = None,
     constraints: Sequence[Constraint] = (),
-    progress: Progress = False,
+    progress: Progress = None,
 ) -> Verification:
     """Check a result again, as ``hopopt verify`` does: every hop in it, every solved point of a study; nothing is written.
 
     result: what ``solve``, ``read`` or another verb returned, or a folder
     objective, constraints: functions of your own that a solution was found with, if they are not in a module
-    progress: a function that is told a line of text, or True for lines on standard error
+    progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
     Raises ResultError for a folder that cannot be read, UsageError for what has no hop of the optimiser, such as a run.
     """

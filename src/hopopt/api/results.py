@@ -123,7 +123,10 @@ class Front(front.Front):
 
 @dataclass(frozen=True, repr=False)
 class RobustHop(robust.RobustHop):
-    """What a share of the drawn legs reaches, the bounds beside it, and the folder that it lies in."""
+    """What a share of the drawn legs reaches, and the bounds beside it.
+
+    folder: where it lies; None if it is not kept
+    """
 
     bound: Solution
     ideal_bound: Solution
@@ -162,7 +165,10 @@ class RobustHop(robust.RobustHop):
 
 @dataclass(frozen=True, repr=False)
 class Transition(transition.Transition):
-    """The fewest hops that lead onto a periodic hop, and the folder that they lie in."""
+    """The fewest hops that lead onto a periodic hop.
+
+    folder: where it lies; None if it is not kept
+    """
 
     orbit: Solution
     begin: Solution | None = None
@@ -187,7 +193,10 @@ class Transition(transition.Transition):
 
 @dataclass(frozen=True, repr=False)
 class Run(closed_loop.Run):
-    """One simulated run: the strategy, what happened, the controller that did it, the figures of its first hop; its folder."""
+    """One simulated run.
+
+    folder: where it lies; None if it is not kept
+    """
 
     folder: Path | None = field(default=None, kw_only=True)
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Self, overload
 
 from numpy.typing import ArrayLike
 
-from hopopt.api.asked import Progress, as_class, check_figure, figures, renamed, told
+from hopopt.api.asked import Progress, as_class, check_figure, figures, renamed, told, within
+from hopopt.api.keeping import check_can_be_kept, kept
 from hopopt.api.notebook import views
 from hopopt.comparison import compare, ladder
 from hopopt.comparison.hops import hop_after_hop
@@ -70,7 +71,13 @@ class Solution(solution.Solution):
         return sensitivity(self)
 
     def compare(
-        self, *strategies: str | type, tune: int = 0, mujoco: bool = False, progress: Progress = False
+        self,
+        *strategies: str | type,
+        tune: int = 0,
+        mujoco: bool = False,
+        time_limit: float | None = None,
+        results: str | Path | None = None,
+        progress: Progress = None,
     ) -> "Comparison":
         """This hop as the bound, beside what controllers make of the same leg.
 
@@ -78,16 +85,25 @@ class Solution(solution.Solution):
             ``hopopt compare``
         tune: hops on which the gains of "force" and "position" are tuned
         mujoco: simulate in MuJoCo too
-        progress: a function that is told a line of text, or True for lines on standard error
+        time_limit: [s] after which no strategy is begun any more, which a note says (None: no limit)
+        results: the folder below which a new one keeps what was found (None: nothing is written)
+        progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
         Raises UsageError for strategies that are unknown or do not suit the leg, NotSolvedError if there is no plan to
         track, MissingExtraError without MuJoCo.
         """
+        check_can_be_kept(results)
         names = [named(s) for s in strategies]
         found = compare.compare(
-            self.design, names or None, bound=self, tune=tune, mujoco=mujoco, progress=told(progress)
+            self.design,
+            names or None,
+            bound=self,
+            tune=tune,
+            mujoco=mujoco,
+            progress=told(progress),
+            until=within(time_limit),
         )
-        return Comparison.with_methods(found)
+        return kept(Comparison.with_methods(found), results)
 
     def compare_hops(
         self,
@@ -96,7 +112,9 @@ class Solution(solution.Solution):
         basins: bool = False,
         mujoco: bool = False,
         processes: int = 1,
-        progress: Progress = False,
+        time_limit: float | None = None,
+        results: str | Path | None = None,
+        progress: Progress = None,
     ) -> "HopsComparison":
         """This periodic hop as the bound, beside what controllers keep up hop after hop.
 
@@ -105,16 +123,18 @@ class Solution(solution.Solution):
         basins: find from where each comes back, too
         mujoco: hop in MuJoCo too
         processes: strategies that are simulated side by side
-        progress: a function that is told a line of text, or True for lines on standard error
+        time_limit, results: as of ``compare``
+        progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
         Raises UsageError for strategies that are unknown or do not suit the leg, and for a hop that is not periodic.
         """
+        check_can_be_kept(results)
         names = [named(s) for s in strategies]
         found = hop_after_hop.compare_hops(
             self.design, names or None, hops=hops, bound=self, basins=basins, mujoco=mujoco, processes=processes,
-            progress=told(progress),
+            progress=told(progress), until=within(time_limit),
         )  # fmt: skip
-        return HopsComparison.with_methods(found)
+        return kept(HopsComparison.with_methods(found), results)
 
     def to_xarray(self, t: ArrayLike | None = None) -> "xr.Dataset":
         """The hop at times, with names of joints and points, and units.
@@ -147,7 +167,10 @@ class Ladder(ladder.Ladder):
 
 @dataclass(frozen=True, repr=False)
 class _BesideABound:
-    """What both comparisons have: a bound, the plan that was tracked, and the folder that they lie in."""
+    """What both comparisons have.
+
+    folder: where it lies; None if it is not kept
+    """
 
     solution: Solution
     plan: Solution | None
@@ -185,15 +208,16 @@ class Comparison(_BesideABound, compare.Comparison):
         return figures(self.figures, FIGURES, name)
 
     @renamed(say="progress")
-    def why(self, *, orders: int = 3, progress: Progress = False) -> Ladder:
+    def why(self, *, orders: int = 3, time_limit: float | None = None, progress: Progress = None) -> Ladder:
         """Why PD control is lower than the bound: optima with one more freedom each that PD lacks.
 
         orders: in how many orders the freedoms are lifted, 1 to 3
-        progress: a function that is told a line of text, or True for lines on standard error
+        time_limit: [s] after which no further order is begun (None: no limit)
+        progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
         Raises UsageError if the bound is not verified or no PD strategy hops, NotSolvedError if a rung is not solved.
         """
-        return as_class(Ladder, ladder.ladder(self, told(progress), orders))
+        return as_class(Ladder, ladder.ladder(self, told(progress), orders, within(time_limit)))
 
     def to_xarray(self) -> "xr.Dataset":
         """The figures that are numbers, along the strategies."""
@@ -227,9 +251,9 @@ class HopsComparison(_BesideABound, hop_after_hop.HopsComparison):
         return figures(self, {key: draw for key, draw in FIGURES.items() if self.basins or key != "basin"}, name)
 
     @renamed(say="progress")
-    def why(self, *, orders: int = 3, progress: Progress = False) -> Ladder:
+    def why(self, *, orders: int = 3, time_limit: float | None = None, progress: Progress = None) -> Ladder:
         """Why PD control keeps up less than the bound; as ``Comparison.why``."""
-        return as_class(Ladder, ladder.ladder(self, told(progress), orders))
+        return as_class(Ladder, ladder.ladder(self, told(progress), orders, within(time_limit)))
 
     def to_xarray(self) -> "xr.Dataset":
         """The figures that are numbers, along the strategies."""

@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hopopt.api.asked import Constraint, Objective, Problem, Progress, as_class, renamed, told
+from hopopt.api.asked import Constraint, Objective, Problem, Progress, as_class, renamed, told, within
+from hopopt.api.keeping import check_can_be_kept, kept
 from hopopt.api.results import Choice, Front, Map, RobustHop, Study, Transition
 from hopopt.comparison.hops import transition as transitions
 from hopopt.comparison.robust import robust as robustness
@@ -38,11 +39,12 @@ def sweep(
     starts: int | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
+    time_limit: float | None = None,
     results: str | Path | None = None,
     resume: str | Path | None = None,
     preliminary: bool = False,
     verify_best: int = 0,
-    progress: Progress = False,
+    progress: Progress = None,
 ) -> Study:
     """Solve and verify a problem at every point of a study.
 
@@ -54,11 +56,12 @@ def sweep(
     seed: of the sample
     starts, processes: as in ``solve``
     scheduler: the address of a Dask scheduler, or "local" for a cluster of so many processes on this computer
+    time_limit: [s], when nothing more is begun; what is finished is kept (None: no limit)
     results: the folder below which a new one keeps every point (None: in a folder for temporary files)
     resume: the folder of a study that was stopped; it goes on there
     preliminary: solve every point on the first mesh alone and verify some drawn ones; what is returned is a ``Map``
     verify_best: of the preliminary points, how many of the best are verified
-    progress: a function that is told a line of text, or True for lines on standard error
+    progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
     Raises UsageError if the study makes no sense, ResultError if its folder cannot be used.
     """
@@ -72,7 +75,7 @@ def sweep(
         results = tempfile.mkdtemp(prefix="hopopt-")
     settings: dict[str, Any] = {
         "processes": processes, "scheduler": scheduler, "results": Path(results or "."), "progress": told(progress),
-        "resume": None if resume is None else Path(resume),
+        "resume": None if resume is None else Path(resume), "until": within(time_limit),
     }  # fmt: skip
     if preliminary:
         return as_class(Map, run_map(definition, verify_best=verify_best, **settings))
@@ -94,7 +97,7 @@ def choose(
     scheduler: str | None = None,
     results: str | Path | None = None,
     resume: str | Path | None = None,
-    progress: Progress = False,
+    progress: Progress = None,
 ) -> Choice:
     """Every motor with every gear on a leg: which pairs clear a height, the best first, and what the others lack.
 
@@ -133,8 +136,9 @@ def pareto(
     lowest: float | None = None,
     starts: int | None = None,
     processes: int | None = None,
+    time_limit: float | None = None,
     results: str | Path | None = None,
-    progress: Progress = False,
+    progress: Progress = None,
 ) -> Front:
     """The Pareto front of the clearance against an economical objective.
 
@@ -144,15 +148,16 @@ def pareto(
     points: how many hops, 3 to 1000, the two ends counted
     lowest: the clearance [m] at which it begins (None, and of a periodic hop at least: a fifth of the highest)
     starts, processes: as in ``solve``
+    time_limit: [s], when nothing more is begun; what is finished is kept (None: no limit)
     results: the folder below which a new one keeps every point (None: nothing is written)
-    progress: a function that is told a line of text, or True for lines on standard error
+    progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
     Raises UsageError for what is no front, NotSolvedError if an end cannot be solved.
     """
     check_can_be_sent(processes, against, *constraints)
     found = fronts.front(
         with_constraints(as_design(problem), constraints), name_of(against), points=points, lowest=lowest, starts=starts, processes=processes,
-        results=None if results is None else Path(results), progress=told(progress),
+        results=None if results is None else Path(results), progress=told(progress), until=within(time_limit),
     )  # fmt: skip
     return Front.with_methods(found)
 
@@ -168,7 +173,9 @@ def robust(
     seed: int = 0,
     starts: int | None = None,
     processes: int | None = None,
-    progress: Progress = False,
+    time_limit: float | None = None,
+    results: str | Path | None = None,
+    progress: Progress = None,
 ) -> RobustHop:
     """The plan and tracker with the greatest clearance that a share of the legs within ``[uncertainty]`` reaches.
 
@@ -179,17 +186,21 @@ def robust(
     evaluations: reserves that are tried, and programs for several legs at most
     seed: of the draws
     starts, processes: of each bound's solve, as in ``solve``
-    progress: a function that is told a line of text, or True for lines on standard error
+    time_limit: [s] for bounds and plans, of which the best so far is judged (None: 900)
+    results: the folder below which a new one keeps what was found (None: nothing is written)
+    progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
     Raises UsageError without uncertainty and for promises that so few draws cannot make, NotSolvedError without a plan.
     """
     check_can_be_sent(processes, *constraints)
+    check_can_be_kept(results)
     design, bound = _with_hop(problem, constraints)
     found = robustness.robust(
         design, share=share, confidence=confidence, draws=draws, evaluations=evaluations, seed=seed, starts=starts,
+        seconds=robustness.SECONDS_OF_SEARCH if time_limit is None else time_limit,
         processes=processes or os.cpu_count() or 1, bound=bound, progress=told(progress),
     )  # fmt: skip
-    return RobustHop.with_methods(found)
+    return kept(RobustHop.with_methods(found), results)
 
 
 def transition(
@@ -201,7 +212,9 @@ def transition(
     most: int = transitions.MOST,
     starts: int | None = None,
     processes: int | None = None,
-    progress: Progress = False,
+    time_limit: float | None = None,
+    results: str | Path | None = None,
+    progress: Progress = None,
 ) -> Transition:
     """The fewest hops from rest, or from the periodic hop ``begin``, onto a periodic hop: one program, of least effort.
 
@@ -211,17 +224,20 @@ def transition(
     constraints: path constraints of your own, functions or their names, where the periodic hop is not given
     most: how many hops are tried at most, where ``clearances`` does not say it
     starts, processes: of the periodic hop that is solved for, as in ``solve``
-    progress: a function that is told a line of text, or True for lines on standard error
+    time_limit: [s] after which no way is looked for any more (None: 600 for each)
+    results: the folder below which a new one keeps what was found (None: nothing is written)
+    progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
     Raises UsageError for hops that are not periodic or of another leg, NotSolvedError if no number of hops leads there.
     """
     check_can_be_sent(processes, *constraints)
+    check_can_be_kept(results)
     design, orbit = _with_hop(problem, constraints)
     found = transitions.transition(
         design, begin=begin, orbit=orbit, clearances=clearances, most=most, starts=starts,
-        processes=processes or os.cpu_count() or 1, progress=told(progress),
+        processes=processes or os.cpu_count() or 1, progress=told(progress), until=within(time_limit),
     )  # fmt: skip
-    return Transition.with_methods(found)
+    return kept(Transition.with_methods(found), results)
 
 
 def _with_hop(

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hopopt.api.asked import Constraint, Objective, Problem, Progress, as_class, renamed, told
+from hopopt.api.asked import Constraint, Objective, Problem, Progress, as_class, renamed, told, within
+from hopopt.api.keeping import check_can_be_kept, kept
 from hopopt.api.program import Program, ProgramSolution
 from hopopt.api.results import Run
 from hopopt.api.solution import Solution
@@ -46,7 +47,8 @@ def solve(
     cross_check: bool = False,
     time_limit: float | None = None,
     guess: "solution.Solution | ProgramSolution | None" = None,
-    progress: Progress = False,
+    results: str | Path | None = None,
+    progress: Progress = None,
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified; with ``free``, of the best leg.
 
@@ -62,11 +64,13 @@ def solve(
     guess: a hop that was solved, or a solution of a ``program``, from which it is solved as well; with ``starts=1`` that
         and one start
     time_limit: [s] after which the best hop so far is the answer (None: 600)
-    progress: a function that is told a line of text, or True for lines on standard error
+    results: the folder below which a new one keeps what was found (None: nothing is written)
+    progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
     A hop that fails verification has ``verified`` False. Raises NotSolvedError, with the worst constraints, for none,
     UsageError for what is no problem or cannot be asked of it.
     """
+    check_can_be_kept(results)
     begin = guess.nlp if isinstance(guess, ProgramSolution) else guess
     if free is None:
         if couple:
@@ -77,7 +81,7 @@ def solve(
             as_design(problem), objective, constraints=constraints, starts=starts, processes=processes,
             structure=structure, cross_check=cross_check, time_limit=time_limit, guess=begin, progress=told(progress),
         )  # fmt: skip
-        return Solution.with_methods(found)
+        return kept(Solution.with_methods(found), results)
     if structure or cross_check:
         asked = "structure" if structure else "cross_check"
         raise UsageError(f"{asked} goes with a design that is given: ask it of the design that free finds")
@@ -85,7 +89,7 @@ def solve(
         as_design(problem), free, objective, couple=couple, constraints=constraints, starts=starts, processes=processes,
         time_limit=time_limit, guess=begin, progress=told(progress),
     )  # fmt: skip
-    return Solution.with_methods(found)
+    return kept(Solution.with_methods(found), results)
 
 
 def program(
@@ -120,7 +124,9 @@ def simulate(
     plant: Design | None = None,
     hops: int = 1,
     options: Mapping[str, Any] | None = None,
-    progress: Progress = False,
+    time_limit: float | None = None,
+    results: str | Path | None = None,
+    progress: Progress = None,
 ) -> Run:
     """Hop the simulated leg with a controller: its ``figures`` and its ``trace`` over time.
 
@@ -130,18 +136,21 @@ def simulate(
     plant: the true leg, if it differs from the one that the strategy believes in
     hops: how many
     options: settings of the strategy by name
-    progress: a function that is told a line of text, or True for lines on standard error
+    time_limit: [s] of the solve for a plan that is tracked, if none is given (None: 600)
+    results: the folder below which a new one keeps what was found (None: nothing is written)
+    progress: a function that is told a line of text; True: lines on standard error; None: a bar in a notebook
 
     Raises UsageError for a leg, strategy or plan that cannot be simulated, NotSolvedError if there is no plan to track.
     """
+    check_can_be_kept(results)
     design, chosen = as_design(problem), find(named(strategy))
     refuse_landed(design, "a simulation from rest")
     closed_loop.make_plant(plant or design)  # what cannot be simulated is said before the work
     if plan is None and chosen.needs_plan:
-        plan = plan_to_track(design, told(progress))
+        plan = plan_to_track(design, told(progress), within(time_limit))
     reference = None if plan is None else followed(design, plan)
     found = closed_loop.simulate(design, chosen, plan=reference, plant=plant, hops=hops, options=options)
-    return as_class(Run, found)
+    return kept(as_class(Run, found), results)
 
 
 def identify(problem: Problem, *runs: str | Path, known: Sequence[str] = ()) -> "Identification":

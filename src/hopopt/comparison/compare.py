@@ -18,12 +18,13 @@ from hopopt.design import Design, refuse_landed
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import two_joints
 from hopopt.leg.scales import Scale
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.phases import STANCE
 from hopopt.paper.paper_results import PAPER, is_the_papers
 from hopopt.planner.motion import Motion
 from hopopt.planner.reserve import plan_to_track, reserved
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
+from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.problem.load import design_hash
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.mujoco import library
@@ -43,7 +44,14 @@ COMPARED_OBJECTIVE = "clearance"  # by which strategies are compared
 
 @dataclass(frozen=True)
 class Comparison:
-    """The bound, the runs of every strategy by name, and the plan that ``track`` followed."""
+    """The bound, and controllers beside it.
+
+    solution: the bound
+    plan: what ``track`` followed; None if nothing was tracked
+    runs: name of a strategy -> its run
+    mujoco: name -> clearance in MuJoCo [m], where asked for
+    notes: what else there is to say, a sentence each
+    """
 
     solution: Solution
     plan: Solution | None
@@ -144,12 +152,13 @@ def compare(
     mujoco: bool = False,
     tune: int = 0,
     progress: Callable[[str], None] | None = None,
+    until: Deadline = NEVER,
 ) -> Comparison:
     """Solve for the bound (or take one that was solved), simulate strategies, and set them side by side.
 
     strategies: names; "all" for every one that suits the leg; by default the tracked optimum, the paper's force control,
     plain and with a tuck, and the better of its tuned PD strategies. plan: to track, if there is one. tune: the tuned ones get the best gains among so
-    many hops of this leg. mujoco: run all in MuJoCo too. Raises MissingExtraError without it, UsageError for strategies
+    many hops of this leg. mujoco: run all in MuJoCo too. until: when no strategy may be begun any more. Raises MissingExtraError without it, UsageError for strategies
     that are unknown or do not suit the leg and for a bound of another problem, NotSolvedError if there is none.
     """
     if mujoco:
@@ -169,10 +178,14 @@ def compare(
     tracked = any(s.needs_plan for s in chosen)
     if tracked and plan is None:
         reserved(design)
-    solution = solve(design, progress=say) if bound is None else answering(design, bound)
+    solution = (
+        solve(design, progress=say, time_limit=min(TIME_LIMIT, until.seconds_left))
+        if bound is None
+        else answering(design, bound)
+    )
     if tracked and plan is None:
         try:
-            plan = plan_to_track(design, say)
+            plan = plan_to_track(design, say, until)
         except NotSolvedError as error:  # the bound is solved: the other strategies can still be compared
             chosen = [s for s in chosen if not s.needs_plan]
             notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
@@ -185,6 +198,9 @@ def compare(
             notes.append(found)
     runs, elsewhere = {}, {}
     for strategy in chosen:
+        if until.passed:
+            notes.append(f"the time limit was reached before {strategy.name} was simulated")
+            continue
         say(f"simulating {strategy.name}")
         runs[strategy.name] = simulate(design, strategy, plan=reference)
         if mujoco:

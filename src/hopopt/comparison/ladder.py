@@ -21,7 +21,7 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import reach
 from hopopt.leg.scales import Scale
-from hopopt.nlp.deadline import NEVER
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.custom import Custom, Moment, Terms
 from hopopt.ocp.hop import Hop
 from hopopt.planner.answer.motion_figures import NO_FRICTION
@@ -70,9 +70,12 @@ class Rung:
 class Ladder:
     """From a PD strategy to the bound.
 
-    strategy, from_m: the PD strategy and its clearance [m]. orders: in which freedoms are lifted, the first as the rungs
-    are; gains: of each order [m], that of better control first; each sums to the whole gap. losses: what those of gears
-    and supply cost both, where there are any; of a hop from rest.
+    strategy: the PD strategy
+    from_m: its clearance [m]
+    rungs: verified optima with one more freedom each, in the first order
+    orders: in which freedoms are lifted
+    gains: of each order [m], that of better control first; each sums to the whole gap
+    losses: what those of gears and supply cost both, where there are any; of a hop from rest
     """
 
     strategy: str
@@ -103,7 +106,10 @@ class Ladder:
 
 
 def ladder(
-    comparison: Comparison | HopsComparison, say: Callable[[str], None] = lambda text: None, orders: int = 3
+    comparison: Comparison | HopsComparison,
+    say: Callable[[str], None] = lambda text: None,
+    orders: int = 3,
+    until: Deadline = NEVER,
 ) -> Ladder:
     """The ladder of a comparison, from its best PD strategy that keeps every limit.
 
@@ -113,10 +119,13 @@ def ladder(
         raise UsageError("why PD is lower: the bound is not verified, so nothing is said of what is missing to it")
     name, figures = _best_pd(comparison)
     freedoms = list(withheld(figures))
-    solved = _Rungs(comparison.solution, freedoms, say)
+    solved = _Rungs(comparison.solution, freedoms, say, until)
     names = tuple(f.allows for f in freedoms)
     chosen = tuple(dict.fromkeys(tuple(names[k] for k in order) for order in _orders(len(names))))[:orders]
-    for order in chosen:  # before any is read: one order may find a better hop for another
+    for k, order in enumerate(chosen):  # before any is read: one order may find a better hop for another
+        if k and until.passed:
+            chosen = chosen[:k]
+            break
         solved.climb(order)
     climbed = [solved.along(order) for order in chosen]
     clearances = [[figures.clearance, *(s.clearance for s in rungs)] for rungs in climbed]
@@ -205,8 +214,8 @@ def _length(hip: str) -> Callable[[Moment], ca.SX]:
 class _Rungs:
     """Verified optima with some of the freedoms, each solved once."""
 
-    def __init__(self, bound: Solution, freedoms: Sequence[Freedom], say: Callable[[str], None]):
-        self.bound, self.freedoms, self.say = bound, freedoms, say
+    def __init__(self, bound: Solution, freedoms: Sequence[Freedom], say: Callable[[str], None], until: Deadline):
+        self.bound, self.freedoms, self.say, self.until = bound, freedoms, say, until
         self.known: dict[frozenset[str], Solution] = {frozenset(f.allows for f in freedoms): bound}
 
     def along(self, order: Sequence[str]) -> list[Solution]:
@@ -223,7 +232,8 @@ class _Rungs:
         if allowed not in self.known:
             self.say(f"ladder: {len(self.known) + 1} optima, now with {', '.join(sorted(allowed)) or CONTROL}")
             design, constraints = self._problem(allowed)
-            self.known[allowed] = solve(design, constraints=constraints, starts=RUNG_STARTS)
+            left = min(TIME_LIMIT, self.until.seconds_left)
+            self.known[allowed] = solve(design, constraints=constraints, starts=RUNG_STARTS, time_limit=left)
         found = self.known[allowed]
         if below is not None and found.clearance < below.clearance - BELOW * Scale.of(self.bound.design.leg).length:
             self.say(f"ladder: once more from the hop below, {below.clearance:.4f} m")

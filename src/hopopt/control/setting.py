@@ -62,8 +62,13 @@ def gear_of(design: Design) -> Gear:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a strategy may know: the leg it believes in, the plan if there is one, the control period [s], and
-    settings of its own by name."""
+    """What a strategy may know.
+
+    design: the problem, with the leg that it believes in
+    period: time between two calls [s]
+    plan: the hop that it follows; None without ``needs_plan``
+    options: settings of its own by name
+    """
 
     design: Design
     period: float
@@ -72,6 +77,7 @@ class Setting:
 
     @property
     def robot(self) -> Robot:
+        """The believed leg's Pinocchio model."""
         return build_robot(self.design.leg)
 
     def machine(self) -> Machine:

@@ -31,7 +31,12 @@ Function = TypeVar("Function", bound=Callable[..., Any])  # the user's
 
 @dataclass(frozen=True)
 class Rates:
-    """How fast a, tau and f of a moment change, each as there: [m/s^3, rad/s^3], [N m/s], [N/s]."""
+    """How fast accelerations, torques and forces of a moment change, each as there.
+
+    a: rates of the accelerations (2 + n) [m/s^3, rad/s^3]
+    tau: rates of the joint torques (n) [N m/s]
+    f: rates of the ground force (2) [N/s]
+    """
 
     a: Any
     tau: Any
@@ -40,13 +45,20 @@ class Rates:
 
 @dataclass(frozen=True)
 class Moment:
-    """The whole leg at one instant, as CasADi expressions (SI): ``t`` since the phase began, ``phase``; q, v, a of body
-    x, z and joints; joint torques tau; points: name -> (x, z) of every joint, "foot" and "com"; com_v; ground force f
-    along x (y, if the leg leaves the plane) and z: f[-1] is its vertical part.
+    """The whole leg at one instant, as CasADi expressions in SI units. At the end of the hop there is no a, tau or f.
 
-    p: numbers of the user's own by name (``parameters`` of the problem). At the end of the hop there is no a, tau or f;
-    ``lift_off`` is the last instant of stance, ``t`` the whole duration. rates: how fast a, tau and f change, where the motors'
-    torques are of limited rate.
+    t: since the phase began [s]; at the end of the hop its whole duration
+    phase: name of the phase
+    q: place of the body x, z [m], then joint angles [rad], (2 + n)
+    v: velocity of the body [m/s], then joint speeds [rad/s], (2 + n)
+    points: name -> x, z (2) [m] of every joint, "foot" and "com"
+    com_v: velocity of the centre of mass x, z (2) [m/s]
+    a: acceleration of the body [m/s^2] and of the joints [rad/s^2], (2 + n)
+    tau: joint torques (n) [N m]
+    f: ground force x, z (2) [N], with y between them where the leg leaves the plane: f[-1] is its vertical part
+    rates: how fast a, tau and f change, where the motors' torques are of limited rate
+    lift_off: the last instant of stance, at the end of the hop
+    p: numbers of the user's own by name, ``parameters`` of the problem [their units]
     """
 
     t: Any

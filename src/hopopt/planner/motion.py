@@ -32,11 +32,20 @@ TIME_ROUNDING = 1e-9  # s: what rounding may put a time outside the hop
 
 @dataclass(frozen=True)
 class Samples:
-    """The whole leg at k times: t (k,) [s] since stance began, phase (k,) names; q, v, a (k, 2 + n) of body x, z
-    [m] and joints [rad]; tau (k, n) [N m] at the joints, command (k, n) [N m] that the motors are asked for, command_rate (k, n) [N m/s] how fast that changes where it is limited, else 0;
-    contact force f (k, 2) [N] (x and z; with y
-    between them where the leg leaves the plane); points: name -> (k, 2) x, z [m], with
-    every joint, "foot" and "com"; com_v (k, 2) [m/s]."""
+    """The whole leg at k times.
+
+    t: since stance began (k,) [s]
+    phase: name of the phase (k,)
+    q: place of the body x, z [m], then joint angles [rad], (k, 2 + n)
+    v: velocity of the body [m/s], then joint speeds [rad/s], (k, 2 + n)
+    a: acceleration of the body [m/s^2] and of the joints [rad/s^2], (k, 2 + n)
+    tau: joint torques (k, n) [N m]
+    command: joint torques that the motors are asked for (k, n) [N m]
+    command_rate: how fast ``command`` changes where that is limited, else 0, (k, n) [N m/s]
+    f: contact force x, z (k, 2) [N]; with y between them where the leg leaves the plane, (k, 3)
+    points: name -> x, z (k, 2) [m] of every joint, "foot" and "com"
+    com_v: velocity of the centre of mass x, z (k, 2) [m/s]
+    """
 
     t: np.ndarray
     phase: np.ndarray

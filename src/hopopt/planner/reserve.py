@@ -10,18 +10,19 @@ from hopopt.drivetrain.motor import state_ratings
 from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.scales import reserve_of
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
+from hopopt.planner.solve import TIME_LIMIT, solve
 
 TRACKED_TIE_BREAK = (
     1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
 )
 
 
-def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
+def plan_to_track(design: Design, say: Callable[[str], None], until: Deadline = NEVER) -> Solution:
     """The optimum that keeps the problem's reserve from every limit."""
     say("planning with a reserve")
-    return solve(reserved(design), starts=2, progress=say)
+    return solve(reserved(design), starts=2, progress=say, time_limit=min(TIME_LIMIT, until.seconds_left))
 
 
 def reserved(design: Design) -> Design:

@@ -31,10 +31,13 @@ EXCLUSIVE = (("hip_height", "joint_angles"), ("joint_angles", "hip_height"))  # 
 def load(
     source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[str] = (), *, without_modules: bool = False
 ) -> Design:
-    """The problem called ``source``: a built-in name, or the path of a .toml file.
+    """The problem in a file, with entries changed.
 
-    ``overrides`` are laid over the file: texts such as "leg.gear.ratio=80", or a mapping of paths or nested
-    tables to values (None takes an entry out). without_modules: names of modules that are not here are no faults.
+    source: a built-in name, or the path of a .toml file
+    overrides: laid over the file: texts such as "leg.gear.ratio=80", or a mapping of paths or nested tables to values; None
+        takes an entry out
+    without_modules: names of modules that are not here are no faults
+
     Raises ProblemFileError with one sentence for each fault.
     """
     report = Report(str(source))

@@ -56,8 +56,13 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class Identification:
-    """What logs tell of a leg: the believed problem, an estimate of every parameter, standard deviations of the sensors' noise
-    (SI), and the lags of torque and force behind the angles, and how much greater those are at a drive's line [s]."""
+    """What logs tell of a leg.
+
+    design: the believed problem
+    estimates: of every parameter, with its interval
+    noise: standard deviation of each sensor's noise [SI]
+    lags: of torque and force behind the angles, and how much greater those are at a drive's line [s]
+    """
 
     design: Design
     estimates: tuple[ParameterEstimate, ...]

@@ -8,8 +8,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a controller learns at time t [s]: joint angles q (n) [rad] and speeds v (n) [rad/s] as the encoders
-    give them, whether the foot is on the ground, since how long [s], and how often it has landed."""
+    """What a controller learns at one instant.
+
+    t: since the run began [s]
+    q: joint angles as the encoders give them (n) [rad]
+    v: joint speeds as the encoders give them (n) [rad/s]
+    contact: whether the foot is on the ground
+    since: how long ago ``contact`` last changed [s]
+    landings: how often the foot has landed
+    """
 
     t: float
     q: np.ndarray

@@ -33,9 +33,13 @@ def beyond_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class HopFigures:
-    """What the first hop of a run amounts to, by the same definitions as the optimum's; a foot off the ground for less
-    than ``bounce`` [s, on the paper's leg] has not hopped. torque_gain: each motor's true torque constant over the believed
-    one, a number or (n,)."""
+    """What the first hop of a run amounts to, by the same definitions as the optimum's.
+
+    design: the problem, with the true leg
+    trace: the run
+    bounce: a foot off the ground for less than this has not hopped [s, on the paper's leg]
+    torque_gain: each motor's true torque constant over the believed one, a number or (n,)
+    """
 
     design: Design
     trace: Trace

@@ -15,8 +15,12 @@ SAME_INSTANT = 1e-8  # [s] samples and events nearer than this are at one instan
 
 @dataclass(frozen=True)
 class Event:
-    """What happened at time t [s]: a lift-off, touchdown, slip, stick or jam of the foot, or "<joint> strikes"; and the
-    energy that an impact took [J]."""
+    """What happened at one instant.
+
+    kind: a lift-off, touchdown, slip, stick or jam of the foot, or "<joint> strikes"
+    t: since the run began [s]
+    lost: energy that an impact took [J]
+    """
 
     kind: str
     t: float
@@ -25,9 +29,21 @@ class Event:
 
 @dataclass(frozen=True)
 class Trace:
-    """A simulated run at k instants: t (k,) [s]; q, v (k, 2 + n); command, motor (after the drives' limits) and tau
-    (after the gears' losses) (k, n) [N m]; contact force f (k, 2) [N]; contact (k,); work (k, 4) [J] done by the
-    motors, lost in the gears, taken by the joints' end stops and lost in friction at the foot so far. A change of contact has a sample just before it and one just after, if it lasts."""
+    """A simulated run at k instants. A change of contact has a sample just before it and one just after, if it lasts.
+
+    robot: the leg
+    t: since the run began (k,) [s]
+    q: place of the body x, z [m], then joint angles [rad], (k, 2 + n)
+    v: velocity of the body [m/s], then joint speeds [rad/s], (k, 2 + n)
+    command: joint torques that the controller asks for (k, n) [N m]
+    motor: joint torques after the drives' limits (k, n) [N m]
+    tau: joint torques after the gears' losses (k, n) [N m]
+    f: contact force x, z (k, 2) [N]
+    contact: whether the foot is on the ground (k,)
+    work: done by the motors, lost in the gears, taken by end stops, lost in friction at the foot so far (k, 4) [J]
+    events: lift-offs, touchdowns, slips and strikes, in order
+    outcome: how the run ended, in words
+    """
 
     robot: Robot
     t: np.ndarray

@@ -65,12 +65,14 @@ CM = 100.0  # [cm/m]
 class Influence:
     """What one entry of the problem changes in the height, to first order.
 
-    value: the entry's [its unit].
-    m_per_unit: d height / d entry [m per its unit]; at a kink, towards more of it.
-    part_of: the entry of the whole leg that a single joint's drive takes its value from.
-    less_m_per_unit: at a kink, d height / d entry towards less of it [m per its unit].
-    between: the limits that trade places there, in words.
-    difference: what solving again gave.
+    name: the entry of the problem
+    value: the entry's [its unit]
+    unit: the entry's
+    m_per_unit: d height / d entry [m per its unit]; at a kink, towards more of it
+    part_of: the entry of the whole leg that a single joint's drive takes its value from
+    difference: what solving again gave
+    less_m_per_unit: at a kink, d height / d entry towards less of it [m per its unit]
+    between: the limits that trade places there, in words
     """
 
     name: str

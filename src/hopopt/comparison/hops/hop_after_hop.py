@@ -30,9 +30,10 @@ from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.scales import Scale
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.planner.reserve import plan_to_track
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
+from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.sim.hop_metrics import HopFigures
 
 OFFSET = 0.02  # [m on the paper's leg] by which tracking begins too high
@@ -49,6 +50,7 @@ class HopsComparison:
     drawn: name -> for every drawn leg, hops that it did and clearance [m] that it kept up, where asked for
     basins: name -> from where it comes back, where asked for
     mujoco: name -> clearances [m] of its hops there, where asked for
+    notes: what else there is to say, a sentence each
     rows: name -> what its folder states, of a comparison that was read
     """
 
@@ -176,12 +178,13 @@ def compare_hops(
     mujoco: bool = False,
     processes: int = 1,
     progress: Callable[[str], None] | None = None,
+    until: Deadline = NEVER,
 ) -> HopsComparison:
     """Solve for the periodic bound (or take one that was solved), hop on with strategies, and set them side by side.
 
     strategies: names, "all", or None for the usual ones, as ``compare`` takes them. hops: of each, at least 2. offset: by
     which tracking begins too high [m] (a 37th of the leg's length). draws: legs on which all are tried too. basins: find from where they come back. mujoco: hop in
-    MuJoCo too, MUJOCO_HOPS times. Raises MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg, and for a hop from rest; NotSolvedError if
+    MuJoCo too, MUJOCO_HOPS times. until: when no strategy may be begun any more. Raises MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg, and for a hop from rest; NotSolvedError if
     there is no bound.
     """
     if not design.hop.periodic:
@@ -196,11 +199,15 @@ def compare_hops(
     for strategy in chosen:
         if not strategy.needs_plan:
             make_controller(design, strategy)
-    solution = solve(design, progress=say) if bound is None else answering(design, bound)
+    solution = (
+        solve(design, progress=say, time_limit=min(TIME_LIMIT, until.seconds_left))
+        if bound is None
+        else answering(design, bound)
+    )
     plan = None
     if any(s.needs_plan for s in chosen):
         try:
-            plan = plan_to_track(design, say)
+            plan = plan_to_track(design, say, until)
         except NotSolvedError as error:
             chosen = [s for s in chosen if not s.needs_plan]
             notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
@@ -213,6 +220,11 @@ def compare_hops(
     say(f"{hops} hops of {', '.join(t.strategy for t in trials)}")
     found = dict[str, Hops]()
     for k in range(0, len(trials), processes):
+        if until.passed:
+            left = ", ".join(t.strategy for t in trials[k:])
+            notes.append(f"the time limit was reached before {left} hopped")
+            del trials[k:]
+            break
         some = trials[k : k + processes]
         done = side_by_side(hop_on, [(t, hops, offset) for t in some])
         found |= {t.strategy: h for t, h in zip(some, done, strict=True)}

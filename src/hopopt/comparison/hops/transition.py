@@ -8,7 +8,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
-from hopopt.nlp.deadline import NEVER
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.hops.several_hops import in_words
 from hopopt.planner.several_hops import HopsPlan, plan_hops
 from hopopt.planner.solution import Solution
@@ -95,6 +95,7 @@ def transition(
     starts: int | None = None,
     processes: int = 1,
     progress: Callable[[str], None] | None = None,
+    until: Deadline = NEVER,
 ) -> Transition:
     """The fewest hops from rest, or from the periodic hop ``begin``, onto the periodic hop ``orbit``: by default the highest.
 
@@ -115,22 +116,27 @@ def transition(
             _suits(design, known, words)
     if orbit is None:
         say("solving for the periodic hop")
-        orbit = solve(design, starts=starts, processes=processes)
+        orbit = solve(design, starts=starts, processes=processes, time_limit=min(TIME_LIMIT, until.seconds_left))
     tried = [tuple(clearances)] if clearances else [(0.0,) * count for count in range(1, most + 1)]
     fewer = list[str]()
     for each in tried[:-1]:
         try:
-            return Transition(_looked_for(design, begin, orbit, each, say), orbit, begin, tuple(fewer))
+            return Transition(_looked_for(design, begin, orbit, each, say, until), orbit, begin, tuple(fewer))
         except NotSolvedError as error:
             fewer.append(error.diagnosis[0] if error.diagnosis else str(error))
-    return Transition(_looked_for(design, begin, orbit, tried[-1], say), orbit, begin, tuple(fewer))
+    return Transition(_looked_for(design, begin, orbit, tried[-1], say, until), orbit, begin, tuple(fewer))
 
 
 def _looked_for(
-    design: Design, begin: Solution | None, orbit: Solution, clearances: Sequence[float], say: Callable[[str], None]
+    design: Design,
+    begin: Solution | None,
+    orbit: Solution,
+    clearances: Sequence[float],
+    say: Callable[[str], None],
+    until: Deadline,
 ) -> HopsPlan:
     say(f"looking for a way onto the orbit in {in_words(len(clearances))}")
-    return plan_hops(design, begin, orbit, clearances, say, NEVER.within(TIME_LIMIT))
+    return plan_hops(design, begin, orbit, clearances, say, until.within(TIME_LIMIT))
 
 
 def _suits(design: Design, known: Solution, words: str) -> None:

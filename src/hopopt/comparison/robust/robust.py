@@ -30,10 +30,16 @@ PD = ("force_tuck", "position_tuck")  # the paper's strategies where they clear 
 class RobustHop:
     """What a share of the drawn legs reaches, and the bounds beside it.
 
-    best: the plan that is tracked, and the problem with its reserve. lowest: by way, the best that its plans reached on the
-    draws of the search [m]. bound, ideal_bound: verified optima on this ground and on ground that grips without limit.
-    tracked, pd: runs on the fresh draws, of the tracker and by PD strategy. pd_best: the surest of those, chosen on the
-    draws of the search; None without PD.
+    best: the plan that is tracked, and the problem with its reserve
+    lowest: by way, the best that its plans reached on the draws of the search [m]
+    bound: verified optimum on this ground
+    ideal_bound: verified optimum on ground that grips without limit
+    tracked: runs of the tracker on the fresh draws
+    pd: runs on the fresh draws by PD strategy
+    pd_best: the surest of those, chosen on the draws of the search; None without PD
+    share: of all legs, that the promise is for
+    confidence: of the promise
+    evaluations: plans that were tried
     """
 
     best: PlanTrial

@@ -16,6 +16,7 @@ import numpy as np
 from hopopt.amounts import check
 from hopopt.errors import ResultError, UsageError
 from hopopt.files import remove_abandoned
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.stopwatch import Countdown
 from hopopt.studies.faults import kept
@@ -59,12 +60,13 @@ def run_map(
     resume: Path | None = None,
     progress: Progress | None = None,
     opened: Callable[[Path], None] = lambda folder: None,
+    until: Deadline = NEVER,
 ) -> Map:
     """The map of a definition, begun or resumed; ``opened`` is told the folder before the work.
 
     verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random;
     doubts: which points besides are solved again from those around them; to_verify: which are verified besides, once all
-    are solved
+    are solved; until: when no piece may be begun any more: the map is then what is finished, and can be resumed
     """
     began, say = time.perf_counter(), progress or (lambda text: None)
     check_verify_best(verify_best, definition.preliminary)
@@ -74,9 +76,11 @@ def run_map(
         remove_abandoned(place)
     with kept(folder, f"what is finished is kept: hopopt sweep --resume {folder}"):
         with workers(count := processes or os.cpu_count() or 1, scheduler) as crew:
-            work = _Work(definition, folder, crew, say)
+            work = _Work(definition, folder, crew, say, until)
             first = read_part(folder, FIRST, 0, definition) or _saved(folder, first_search(definition, count, say))
             parts = work.pieces(first)
+            if until.passed:
+                return map_in(folder)
             parts += work.again(parts, doubts(_latest(parts)))
             points, solved_now, mapping = _latest(parts), work.solved, time.perf_counter() - began
             drawn, best = _drawn(definition, points, checked), _best(definition, points, verify_best)
@@ -145,6 +149,7 @@ class _Work:
     folder: Path
     crew: Workers
     say: Progress
+    until: Deadline = NEVER
     solved: int = 0
 
     def pieces(self, first: Part) -> list[Part]:
@@ -156,6 +161,8 @@ class _Work:
         count_down = Countdown(self.say, "designs", sum(len(p.points) for p in whole if p.number not in done))
         waiting = [p for p in whole if p.number not in done]
         while waiting or self.crew.busy:
+            if self.until.passed:
+                waiting.clear()
             ready = [p for p in waiting if p.entrance is None or home[p.entrance] in done]
             for piece in ready[: self.crew.free]:
                 waiting.remove(piece)
@@ -169,7 +176,7 @@ class _Work:
                 done[part.number] = part
                 self.solved += len(part.points)
                 count_down.more(len(part.points))
-        return [done[p.number] for p in whole]
+        return [done[p.number] for p in whole if p.number in done]
 
     def again(self, parts: Sequence[Part], besides: Collection[int]) -> list[Part]:
         """Points that are to be doubted solved again from those around them, until that improves none."""

@@ -25,8 +25,18 @@ from hopopt.studies.faults import Fault
 
 @dataclass(frozen=True)
 class FrontPoint:
-    """One hop of the front: clearance [m] and the other figure [its unit], None where it is not verified; ``least``:
-    whether that figure was minimised, not what the highest hop happens to have."""
+    """One hop of the front.
+
+    kind: which one, in words
+    asked_m: the clearance that was asked for [m]
+    clearance_m: that was reached [m]; None where it is not verified
+    value: the other figure [its unit]; None where it is not verified
+    verified: whether it is
+    sentence: why it is not
+    result_dir: where its hop lies
+    seconds: how long it took [s]
+    least: whether the other figure was minimised, not what the highest hop happens to have
+    """
 
     kind: str
     asked_m: float
@@ -45,6 +55,7 @@ class Front:
 
     design: the problem
     against: the other objective
+    folder: where it lies; None if it is not kept
     points: in the order of the clearances that were asked for
     solutions: of each point its hop; None where there is none
     complete: whether every point is finished

@@ -18,7 +18,7 @@ from hopopt.design import Design
 from hopopt.design.parameters import own_numbers
 from hopopt.errors import NotSolvedError, SolverError, UsageError, one_line
 from hopopt.extensions import known
-from hopopt.nlp.deadline import NEVER
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.solver.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
@@ -59,12 +59,13 @@ def front(
     results: Path | None = None,
     progress: Progress | None = None,
     begun: Any = None,
+    until: Deadline = NEVER,
 ) -> Front:
     """The front of the clearance against an economical objective: ``points`` hops from the least of that objective
     (at a clearance of at least ``lowest`` [m]; None, and of a periodic hop at least: LOWEST of the highest) to the highest hop.
 
     results: the folder in which a new folder keeps every point as it is finished (none: nothing is written); begun is
-    called with the front before the first point. Raises UsageError for what is no front, NotSolvedError if an end
+    called with the front before the first point. until: when no point may be begun any more; the front is then not complete. Raises UsageError for what is no front, NotSolvedError if an end
     cannot be solved.
     """
     design = as_design(design)
@@ -73,7 +74,8 @@ def front(
     if results is not None:
         prepare(results)
     say("the highest hop")
-    top = solve(design, "clearance", starts=starts, processes=processes, progress=say)
+    left = min(TIME_LIMIT, until.seconds_left)
+    top = solve(design, "clearance", starts=starts, processes=processes, time_limit=left, progress=say)
     if lowest is None or design.hop.periodic:
         lowest = max(lowest or 0.0, LOWEST * top.clearance)
     if lowest >= top.clearance:
@@ -87,15 +89,20 @@ def front(
         begun(found)
     with kept(found.folder, "the points that are finished are kept there"):
         _keep(found, TOP, top, top.clearance, _cost(goal, top), 0.0)
-        chain = Chain(design, goal, lowest, starts or design.solver.starts, processes or os.cpu_count() or 1, say)
+        count = starts or design.solver.starts
+        chain = Chain(design, goal, lowest, count, processes or os.cpu_count() or 1, say, until)
+        if until.passed:
+            return found
         least = _refined(found, chain, 0, LEAST.format(goal.short.replace("_", " ")))
         reached = least.clearance if least is not None and least.verified else lowest
         chain.between(reached, top.clearance, points)
         count_down = Countdown(say, "points of the front", len(chain.clearances) - 1)
         for k in range(1, len(chain.clearances)):
+            if until.passed:
+                break
             _refined(found, chain, k, f"point {k + 1} of {points}")
             count_down.more()
-        found.complete = True
+        found.complete = len(found.points) == points
         found.write()
     return found
 
@@ -129,8 +136,12 @@ def _cost(goal: HopObjective, top: Solution) -> float:
 class Chain:
     """First-mesh optima at rising clearances, each begun from its neighbours, on one compiled program."""
 
-    def __init__(self, design: Design, goal: HopObjective, lowest: float, starts: int, processes: int, say: Progress):
+    def __init__(
+        self, design: Design, goal: HopObjective, lowest: float, starts: int, processes: int, say: Progress,
+        until: Deadline = NEVER,
+    ):  # fmt: skip
         self.design, self.goal, self.starts, self.processes, self.say = design, goal, starts, processes, say
+        self.until = until
         self.clearances, self.outcomes = [lowest], list[list[StartOutcome]]()
         hop = self.hop(0)
         self.program = first_transcription(hop)
@@ -139,7 +150,7 @@ class Chain:
         self.outcomes.append(self._from_starts(hop))
 
     def _from_starts(self, hop: Hop) -> list[StartOutcome]:
-        until = NEVER.within(TIME_LIMIT)
+        until = self.until.within(TIME_LIMIT)
         highest = maximum_clearance_hop(hop, self.starts, until)
         besides = [begun_from(hop, highest, until)] if highest and reaches(hop, highest) else []
         return list(search_first_mesh(hop, self.starts, self.processes, self.say, besides, until).outcomes)
@@ -173,9 +184,9 @@ class Chain:
         """Solve point k from the best of a neighbour."""
         self.say(f"clearance {self.clearances[k]:.3f} m from {self.clearances[neighbour]:.3f} m")
         begin, began, t = best(self.outcomes[neighbour]), time.perf_counter(), self.transcription(k)
-        if begin is None:
+        if begin is None or self.until.passed:
             return
-        v, until = begin.vectors, NEVER.within(TIME_LIMIT)
+        v, until = begin.vectors, self.until.within(TIME_LIMIT)
         try:
             s = self.warm.on(t, until).from_vector(v["z"], (v["lam_g"], v["lam_x"]))
             if not s.success:
@@ -194,7 +205,7 @@ def best(outcomes: Sequence[StartOutcome]) -> StartOutcome | None:
 
 def _refined(found: Front, chain: Chain, k: int, kind: str) -> Solution | None:
     """Refine, verify and keep point k, its best first-mesh optimum or, if that is not verified, the next."""
-    began, hop, clock, until = time.perf_counter(), chain.hop(k), Stopwatch(), NEVER.within(TIME_LIMIT)
+    began, hop, clock, until = time.perf_counter(), chain.hop(k), Stopwatch(), chain.until.within(TIME_LIMIT)
     asked, outcomes = float(chain.clearances[k]), chain.outcomes[k]
     solution, why = None, "not solved: no start led to a hop"
     for outcome in _distinct(outcomes)[:2]:

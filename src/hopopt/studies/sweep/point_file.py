@@ -40,7 +40,8 @@ class Point:
     begun_from: the neighbour whose solution was the guess; None: the problem's starts
     tried: the neighbours that it was solved from, each with the pass that its solution is of
     corrected: whether another neighbour helped
-    after_pass: how far the study was; solved_in: the pass of its solution
+    after_pass: how far the study was
+    solved_in: the pass of its solution
     seconds: how long it took [s]
     traceback: of a fault of hopopt that ended its last solve; kept in a file of its own
     """

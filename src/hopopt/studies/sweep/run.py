@@ -16,6 +16,7 @@ from typing import Any
 
 from hopopt.errors import ProblemFileError, ResultError, UsageError
 from hopopt.files import remove_abandoned
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.objectives.registry import find
 from hopopt.studies.faults import kept
 from hopopt.studies.sweep.definition import Definition
@@ -40,7 +41,13 @@ PASSES = 8  # after the first, at most
 
 @dataclass(frozen=True)
 class Study:
-    """A finished study: its definition, every point in order, its folder, the seconds of this run."""
+    """A study: every point that is finished.
+
+    definition: the problem, the objective, and what is varied
+    points: in the study's order
+    folder: where it lies
+    seconds: of this run [s]
+    """
 
     definition: Definition
     points: tuple[Point, ...]
@@ -135,8 +142,12 @@ def run(
     resume: Path | None = None,
     progress: Progress | None = None,
     opened: Callable[[Path], None] = lambda folder: None,
+    until: Deadline = NEVER,
 ) -> Study:
-    """The study of a definition, begun or resumed; ``opened`` is told the folder before the work."""
+    """The study of a definition, begun or resumed; ``opened`` is told the folder before the work.
+
+    until: when no point may be begun any more; the points that are finished by then are the study, which can be resumed
+    """
     began = time.perf_counter()
     impossible = _impossible(definition)
     if resume is None:
@@ -155,11 +166,12 @@ def run(
     with kept(folder, f"what is finished is kept: hopopt sweep --resume {folder}"):
         with workers(processes or os.cpu_count() or 1, scheduler) as crew:
             show = Clock(progress or (lambda text: None), len(definition.points) - len(first))
-            _first_pass(definition, folder, first, crew, show)
-            finished = _further_passes(definition, folder, passes, crew, show)
-        points = tuple(finished[k] for k in range(len(definition.points)))
+            _first_pass(definition, folder, first, crew, show, until)
+            finished = _further_passes(definition, folder, passes, crew, show, until)
+        points = tuple(finished[k] for k in sorted(finished))
         study = Study(definition, points, folder, time.perf_counter() - began)
-        save_tables(folder, definition, points, study.as_dict())
+        if not until.passed:
+            save_tables(folder, definition, points, study.as_dict())
         return study
 
 
@@ -179,7 +191,9 @@ def _impossible(definition: Definition) -> dict[int, Point]:
 # ---- the first pass -----------------------------------------------------------------------------------------
 
 
-def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point], crew: Workers, show: Clock) -> None:
+def _first_pass(
+    definition: Definition, folder: Path, finished: dict[int, Point], crew: Workers, show: Clock, until: Deadline
+) -> None:
     """Every point that is not finished, each as soon as the point it begins from is."""
     possible = [k for k in range(len(definition.points)) if k not in finished or finished[k].outcome != IMPOSSIBLE]
     order, before = sources(definition, possible)
@@ -193,8 +207,8 @@ def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point]
         return solved
 
     waiting = [k for k in order if k not in finished]
-    while waiting or crew.busy:
-        ready = [k for k in waiting if all(g in finished for g in before.get(k, ()))]
+    while (waiting and not until.passed) or crew.busy:
+        ready = [] if until.passed else [k for k in waiting if all(g in finished for g in before.get(k, ()))]
         for k in ready[: crew.free]:
             waiting.remove(k)
             crew.submit(solve_point, definition, k, _begins(folder, finished, origins(k)))
@@ -212,17 +226,25 @@ def _begins(folder: Path, finished: Mapping[int, Point], indices: Sequence[int])
 
 
 def _further_passes(
-    definition: Definition, folder: Path, passes: dict[int, dict[int, Point]], crew: Workers, show: Clock
+    definition: Definition,
+    folder: Path,
+    passes: dict[int, dict[int, Point]],
+    crew: Workers,
+    show: Clock,
+    until: Deadline,
 ) -> dict[int, Point]:
     """Every point as it is after all passes: each solves again what the points after the last one give reason to."""
     finished = dict(passes[0])
     for number in range(1, PASSES + 1):
+        if until.passed:
+            break
         jobs, done = _reasons(definition, folder, finished), passes.get(number, {})
         waiting = [k for k in jobs if k not in done]
         if waiting:
             show.say(f"pass {number + 1}: {len(waiting)} point{'s' if len(waiting) > 1 else ''} from other neighbours")
-        while waiting or crew.busy:
-            for k in [waiting.pop(0) for _ in range(min(crew.free, len(waiting)))]:
+        while (waiting and not until.passed) or crew.busy:
+            free = 0 if until.passed else crew.free
+            for k in [waiting.pop(0) for _ in range(min(free, len(waiting)))]:
                 old = finished[k]
                 own = load_begin(folder, old) if old.solved else {}
                 crew.submit(solve_again, definition, old, own, _begins(folder, finished, jobs[k]), number)
