@@ -158,6 +158,7 @@ def test_slider_agrees_with_the_reduced_hop() -> None:
         ("paper", {"knee": {"lower": -2, "upper": 0, "axis": (1, 0, 0)}}, "leaves the x-z plane"),
         ("paper", {"shank": {"length": 0.3, "mass": 1.0, "direction": (0, 1, 0)}}, "points across"),
         ("paper", {"guides": ("x",)}, "no guide"),
+        ("paper", {"body": {"mass": 5.6, "shapes": {"trunk": {"box": (0.2, 0.2, 0.2)}}}}, "what shape"),
     ],
 )
 def test_where_it_applies(name: str, changes: dict[str, Any], reason: str | None) -> None:

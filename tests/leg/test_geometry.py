@@ -15,7 +15,10 @@ from hopopt.leg.geometry.distance import Distances
 from hopopt.leg.geometry.smooth import NEAR, clearances
 from hopopt.leg.geometry.solids import Solid, lowest, outline, placed, solids
 from hopopt.leg.kinematics import start_angles
+from hopopt.leg.robot import build_robot
+from hopopt.planner.solve import solve
 from hopopt.problem.render import resolved_toml
+from hopopt.sim.machine import Machine
 
 SHAPES = """
 [leg.body.shapes.trunk]
@@ -109,6 +112,7 @@ def test_lowest_point_and_outline_in_closed_form(tmp_path: Path) -> None:
         ("[leg.shank.shapes.calf]\npoints = [[0, 0, 0], [0, 0, 1]]\n", "2 points and no radius"),
         ("[leg.body.shapes.trunk]\nbox = [0.1, -0.1, 0.1]\n", "leg.body.shapes.trunk.box[1] = -0.1 m is too small"),
         ('[leg.body.shapes."a b"]\nbox = [0.1, 0.1, 0.1]\n', "no name of a shape"),
+        ("[leg.body.shapes.trunk]\npoints = [[0.1, 0.0, -0.2]]\nradius = 0.1\n", "puts the trunk 0.020 m too low"),
         ("[leg]\ngeometry = true\n", "leg.geometry has a meaning only beside leg.urdf"),
     ],
 )
@@ -181,3 +185,30 @@ def test_the_smooth_distance_of_a_public_robot_errs_by_no_more_than_it_states(tm
     robots()
     (tmp_path / "a1.toml").write_text(A1_PROBLEM)
     errs(load(tmp_path / "a1.toml"), 10_000)
+
+
+def test_the_lowest_point_is_of_the_shapes_unless_joints_alone_count(tmp_path: Path) -> None:
+    """By Pinocchio's frames against the hulls' own points: the trunk exactly, a link by a polygon of twelve sides about it."""
+    design = paper_leg(tmp_path, SHAPES.replace("at = [0.05, 0.02, 0.1]", "at = [0.05, 0.02, 0.1]\ncounts = false"))
+    leg, robot = design.leg, build_robot(design.leg)
+    assert design.hop.above_ground == ("hip", "knee", "trunk", "foot")
+    trunk, thigh = solids(leg)[1:3]
+    for q in np.random.default_rng(3).uniform([-0.6, -2.4], [1.3, -0.15], (20, 2)):
+        heights = {name: z for name, (_, z) in Machine(robot).points(np.array([0.3, 0.7, *q])).items() if name != "com"}
+        assert heights["trunk"] == pytest.approx(0.7 + lowest(leg, trunk, q), abs=1e-12)
+        about = min(z for name, z in heights.items() if name.startswith("thigh"))
+        assert -0.04 * (1 / np.cos(np.pi / 12) - 1) - 1e-12 <= about - 0.7 - lowest(leg, thigh, q) <= 1e-12
+    joints = paper_leg(tmp_path, f'[leg]\nlowest = "joints"\n{SHAPES}')
+    assert list(build_robot(joints.leg).points) == ["hip", "knee", "foot"]
+    assert joints.hop.above_ground == ("hip", "knee", "foot")
+
+
+@pytest.mark.slow
+def test_a_trunk_that_hangs_low_is_what_clears(tmp_path: Path) -> None:
+    """Its height at the apex is the clearance."""
+    low = "[leg.body.shapes.trunk]\npolygon = [[-0.2, -0.33], [0.2, -0.33], [0.2, 0.1], [-0.2, 0.1]]\n"
+    design = paper_leg(tmp_path, f"{low}[hop]\nstance_duration = [0.03, 0.2]\n[start]\nhip_height = 0.36\n")
+    found = solve(design, starts=1, processes=1)
+    assert found.summary.verified
+    assert found.summary.lowest_point == "trunk"
+    assert found.summary.clearance_m == pytest.approx(float(found.apex.q[0, 1]) - 0.33, abs=1e-9)

@@ -27,7 +27,7 @@ def with_ball(tmp_path: Path, place: np.ndarray, more: str = "collision_margin =
     """The paper's leg with a round shank, and a ball on the body at (x, z) [m]."""
     (tmp_path / "ball.toml").write_text(
         f'extends = "paper"\nname = "ball"\n[hop]\nstance_duration = [0.03, 0.2]\n{more}\n[leg.shank]\nradius = {SHANK}\n'
-        f"[leg.body.shapes.ball]\npoints = [[{place[0]}, 0.0, {place[1]}]]\nradius = {BALL}\n"
+        f"[leg.body.shapes.ball]\npoints = [[{place[0]}, 0.0, {place[1]}]]\nradius = {BALL}\ncounts = false\n"
     )
     return load(tmp_path / "ball.toml")
 

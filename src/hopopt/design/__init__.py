@@ -5,16 +5,14 @@ A problem is data. These classes say what a file may contain and nothing about h
 
 from hopopt.design.control import ControlSettings, Reserve
 from hopopt.design.fields import MOST_POINTS
+from hopopt.design.geometry.parts import LEAST_INERTIA, Body, Link
 from hopopt.design.hop import GRAVITY, Contact, Environment, HopSettings, Obstacle, StartPose
 from hopopt.design.leg import (
-    LEAST_INERTIA,
     PAPERS_LENGTH,
-    Body,
     EfficiencyTable,
     Gear,
     Joint,
     Leg,
-    Link,
     Motor,
     physical_parameters,
     unit,

@@ -30,8 +30,10 @@ RESERVED = (
     "foot_point",
     "locked",
     "geometry",
+    "lowest",
 )
-RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names
+TRUNK = "trunk"  # the lowest point of a body with shapes
+RESERVED_JOINTS = (*RESERVED, "foot", "com", TRUNK, "x", "z")  # points and guides of every leg have these names
 CATALOGUE = "catalogue entry these values began with; what it leaves open, a joint does not take from the leg's"
 CATALOGUE_NAME = r"^[a-z0-9][a-z0-9-]{0,49}$"
 

@@ -2,6 +2,7 @@
 
 from hopopt.design import Design
 from hopopt.drivetrain.heat import LIMIT
+from hopopt.leg.geometry.solids import has_shape
 from hopopt.leg.kinematics import planar, two_joints
 
 UNKNOWN = ("power_cap", LIMIT)  # entries of motors that its grid does not see
@@ -25,6 +26,8 @@ def applies(design: Design) -> str | None:
         return "the ground slopes"
     if "z" not in leg.guides:
         return "no guide lets the body rise"
+    if has_shape(leg):
+        return "it does not know what shape body and links have"
     if any(leg.drive(joint, "motor", entry)[1] is not None for joint in leg.joints for entry in UNKNOWN):
         return "it knows neither caps on motors' power nor how hot motors get"
     return None

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Leg, physical_parameters, unit
+from hopopt.leg.geometry.solids import counted_points
 from hopopt.leg.inertia import PAIRS, tensor
 
 BASE = 2  # coordinates of the body: x and z; on a vertical slider x keeps its value
@@ -37,7 +38,8 @@ class MovingBody:
 class Robot:
     """A leg as Pinocchio sees it, q = (x, z, joint angles).
 
-    points: name -> (joint index, offset [m] in that joint's frame) of each joint and of the foot.
+    points: name -> (joint index, offset [m] in that joint's frame) of each joint and of the foot; of a leg with shapes also of
+    the trunk's lowest point and of corners about the links.
     """
 
     leg: Leg
@@ -80,12 +82,13 @@ def _rod(leg: Leg, link: str, across: Any) -> tuple[Any, ...]:
 
 
 def link_points(leg: Leg, p: Mapping[str, Any]) -> dict[str, tuple[int, tuple[Any, ...]]]:
-    """Where each joint and the foot sit: name -> (Pinocchio joint index, offset in its frame [m])."""
+    """Where each joint and the foot sit, and what else may be lowest: name -> (Pinocchio joint index, offset in its frame [m])."""
     points: dict[str, tuple[int, tuple[Any, ...]]] = {
         name: (BASE + 1 + k, (0.0, 0.0, 0.0)) for k, name in enumerate(leg.joints)
     }
     last = leg.links[-1]
-    return {**points, "foot": (BASE + len(leg.joints), _along(leg, last, p[f"leg.{last}.length"]))}
+    points["foot"] = (BASE + len(leg.joints), _along(leg, last, p[f"leg.{last}.length"]))
+    return points | {name: (BASE + 1 + joint, place) for name, joint, place in counted_points(leg)}
 
 
 def build_robot(leg: Leg, parameters: Mapping[str, float] | None = None) -> Robot:

@@ -5,10 +5,12 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle, Polygon, Rectangle
 
 from hopopt.design import Leg
+from hopopt.leg.geometry.solids import outline, solids
 from hopopt.leg.kinematics import reach
+from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.ocp.phases import LANDING
 from hopopt.planner.solution import Solution
@@ -79,7 +81,7 @@ class _HopPoses:
         self.samples = solution.sample(times)
         chain = np.stack([self.samples.points[name] for name in (*self.leg.joints, "foot")], axis=1)
         self.x, self.z = chain[..., 0], chain[..., 1]
-        self.reach = reach(self.leg)
+        self.reach, self.solids = reach(self.leg), [solid for solid in solids(self.leg) if solid.counts]
         self.radius = 0.09 * self.reach
         # the window is a limit of the clearance only; a wider one than the leg would only shrink the leg
         self.window = min(solution.design.hop.foot_window, self.reach) if solution.objective != "apex" else 0.0
@@ -120,6 +122,9 @@ class _HopPoses:
         phase = str(self.samples.phase[k])
         label = phase if self.samples.phase[:k].tolist().count(phase) == 0 else None
         ax.plot(self.x[k], self.z[k], "-o", color=COLOR[phase], lw=3, ms=5, mfc="white", zorder=3, label=label)
+        for solid in self.solids:
+            corners = outline(self.leg, solid, self.samples.q[k, BASE:]) + np.array([self.x[k, 0], self.z[k, 0]])
+            ax.add_patch(Polygon(corners, fc=GREY, ec="none", alpha=0.35, zorder=2))
         ax.add_patch(Circle((self.x[k, 0], self.z[k, 0]), self.radius, fc=COLOR[phase], ec="none", zorder=4))
 
     def draw_apex(self, ax: Axes) -> None:

@@ -28,6 +28,7 @@ class Shape(Section):
         unit="m",
     )
     radius: float = quantity("by which it is rounded outwards", "m", 0, 2, 0.0)
+    counts: bool = choice("whether its lowest point counts as the robot's: not that of other limbs", True)
 
     def fault(self) -> str:
         """What is wrong with the shape, in words that follow its path; empty if nothing is."""

@@ -46,6 +46,7 @@ def collision_shapes(
         shapes[_name(look.link, shapes)] = {
             "points": tuple(tuple(float(x) + 0.0 for x in row) for row in points.round(DIGITS)),
             "radius": round(float(radius + rounding), DIGITS + 1),
+            "counts": look.own or look.joint != BODY,
         }
     return found
 

@@ -21,7 +21,8 @@ class Visual:
     """A mesh, or a simple body, of a leg.
 
     link: of the URDF. joint: number of the joint that moves it, from the body down, or BODY.
-    own: whether it is of the very link that the joint moves, or of the body; else it is of what is fixed to that link.
+    own: whether it is of the very link that the joint moves, or of a link from the root to the first joint; else it is of
+    what is fixed to that link, or of another limb.
     rotation (3, 3), position (3) [m]: in the joint's frame, whose axes are the robot's with all angles zero; of the
     body from the first joint.
     file: the mesh where it lies on disk; None of a simple body, or of a mesh that is not there.
@@ -71,7 +72,7 @@ def visuals(
                 spin, shift = (_numbers(origin, entry, 3, 0.0) for entry in ("rpy", "xyz"))
                 own = pin.rpy.rpyToMatrix(*spin)
                 place = rotation @ own, position + rotation @ np.array(shift)
-                itself = joint == BODY or name == tree.ends(chain[joint])[1]
+                itself = name in above if joint == BODY else name == tree.ends(chain[joint])[1]
                 found.append(Visual(name, joint, itself, *place, *shape))
     return found
 

@@ -1,6 +1,6 @@
 """The solids of a leg: each the hull of points, rounded by a radius, fixed to the body or to a link."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -8,11 +8,13 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from hopopt.design import Leg
+from hopopt.design.fields import TRUNK
 from hopopt.design.geometry.shape import Shape
-from hopopt.leg.kinematics import joint_frames, joint_positions, reach
+from hopopt.leg.kinematics import joint_frames, joint_positions, planar, reach
 
 BODY = -1  # the joint of what does not move with any
 BESIDE = 2.0  # of the leg's reach: half the width of a polygon, which nothing passes beside
+SIDES = 12  # of the polygon about a link
 ROUND = 24  # corners of a circle in an outline
 
 
@@ -24,12 +26,14 @@ class Solid:
     joint: number of the joint that moves it, from the body down, or BODY
     points: (k, 3) [m] from that joint, of the body's from the first joint, axes the robot's when all angles are zero
     radius: by which the hull is rounded outwards [m]
+    counts: whether its lowest point counts as the robot's
     """
 
     name: str
     joint: int
     points: np.ndarray
     radius: float
+    counts: bool = True
 
 
 def has_shape(leg: Leg) -> bool:
@@ -45,14 +49,14 @@ def solids(leg: Leg) -> tuple[Solid, ...]:
 def _solids(leg: Leg) -> Iterator[Solid]:
     width = BESIDE * reach(leg)
     for name, shape in (leg.body.shapes or {}).items():
-        yield Solid(name, BODY, corners(shape, width), shape.radius)
+        yield Solid(name, BODY, corners(shape, width), shape.radius, shape.counts)
     ends = np.diff(joint_positions(leg, np.zeros(len(leg.joints))), axis=0)
     for k, link in enumerate(leg.links):
         entry = leg.link[link]
         if entry.radius:
             yield Solid(link, k, np.array([np.zeros(3), ends[k]]), entry.radius)
         for name, shape in (entry.shapes or {}).items():
-            yield Solid(name, k, corners(shape, width), shape.radius)
+            yield Solid(name, k, corners(shape, width), shape.radius, shape.counts)
 
 
 def corners(shape: Shape, width: float) -> np.ndarray:
@@ -64,6 +68,36 @@ def corners(shape: Shape, width: float) -> np.ndarray:
     else:
         found = np.array(shape.points)
     return found + np.array(shape.at)
+
+
+def counted_points(leg: Leg) -> list[tuple[str, int, tuple[float, ...]]]:
+    """What may be lowest besides joints and foot: name, number of the joint that moves it, and place (3) [m] as of a solid's
+    points. Of the body the lowest point of its shapes; of each link but the last the corners of a polygon about its shapes in
+    the leg's plane. The foot alone stands for the last link, which meets the ground."""
+    if leg.lowest == "joints" or not has_shape(leg):
+        return []
+    all_solids, found = [solid for solid in solids(leg) if solid.counts], list[tuple[str, int, tuple[float, ...]]]()
+    if leg.has_trunk:
+        low = min(_of(all_solids, BODY), key=lambda s: s.points[:, 2].min() - s.radius)
+        x, _, z = low.points[low.points[:, 2].argmin()].tolist()
+        found.append((TRUNK, BODY, (x, 0.0, z - low.radius)))
+    for k, link in enumerate(leg.links[:-1]):
+        if planar(leg) and (of_link := _of(all_solids, k)):
+            found += [(f"{link} {m + 1}", k, (x, 0.0, z)) for m, (x, z) in enumerate(_about(of_link).tolist())]
+    return found
+
+
+def _of(found: Sequence[Solid], joint: int) -> list[Solid]:
+    """The solids that one joint moves."""
+    return [solid for solid in found if solid.joint == joint]
+
+
+def _about(found: Sequence[Solid]) -> np.ndarray:
+    """Corners (SIDES, 2) x, z [m] of a polygon about solids, whose sides face as many directions."""
+    turn = 2 * np.pi * np.arange(SIDES) / SIDES
+    faces = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    away = np.max([(s.points[:, [0, 2]] @ faces.T).max(axis=0) + s.radius for s in found], axis=0)
+    return np.array([np.linalg.solve(faces[[m - 1, m]], away[[m - 1, m]]) for m in range(SIDES)])
 
 
 def placed(leg: Leg, solid: Solid, q_j: np.ndarray) -> np.ndarray:

@@ -95,10 +95,10 @@ def parts(plan: Motion) -> Parts:
 
 
 def lowest_point(plan: Motion) -> str:
-    """The foot or joint that is lowest when flight ends."""
+    """The foot or joint that is lowest when flight ends; of a leg with shapes also the trunk, or a link by its name."""
     end = plan.apex
-    heights = {name: round(float(end.points[name][0, 1]), 9) for name in ("foot", *plan.robot.joints)}
-    return min(heights, key=lambda name: heights[name])
+    heights = {name: round(float(end.points[name][0, 1]), 9) for name in dict.fromkeys(("foot", *plan.robot.points))}
+    return min(heights, key=lambda name: heights[name]).partition(" ")[0]
 
 
 def phase_figures(plan: Motion, phase: str, samples: Samples) -> PhaseFigures:
@@ -210,7 +210,10 @@ class MotionFigures:
         "what no hop within the drives' limits and the longest stance can pass", lambda m: upper_bound(m.plan.design)
     )
     parts: Parts = stated("what the clearance is the sum of", lambda m: parts(m.plan))
-    lowest_point: str = stated("foot or joint that the clearance is of", lambda m: lowest_point(m.plan))
+    lowest_point: str = stated(
+        "foot or joint that the clearance is of; of a leg with shapes also the trunk or a link",
+        lambda m: lowest_point(m.plan),
+    )
     phases: Mapping[str, PhaseFigures] = stated(
         "each phase", lambda m: {name: phase_figures(m.plan, name, s) for name, s in m.fine.items()}
     )

@@ -7,7 +7,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from hopopt.design import Design, HopSettings, Leg, StartPose
-from hopopt.design.fields import RESERVED, RESERVED_JOINTS
+from hopopt.design.fields import RESERVED, RESERVED_JOINTS, TRUNK
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
 from hopopt.problem.checking.faults import Report
@@ -143,7 +143,7 @@ def _hop_faults(hop: Mapping[str, Any], joints: list[str]) -> Iterator[tuple[str
                 words = 'hops that land: set hop.kind = "landing" or "periodic", or remove it'
                 yield f"hop.{name}", f"= {shown(value)} is for {words}"
 
-    names, known = _texts(hop.get("above_ground")), [*joints, "foot"]
+    names, known = _texts(hop.get("above_ground")), [*joints, TRUNK, "foot"]
     for name in dict.fromkeys(names):
         if joints and name not in known:
             yield "hop.above_ground", f"has {shown(name)}{did_you_mean(name, known)}: it takes {', '.join(known)}"

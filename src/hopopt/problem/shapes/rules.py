@@ -3,10 +3,14 @@
 import re
 from collections.abc import Iterator
 
-from hopopt.design import Leg
+from hopopt.design import HopSettings, Leg, StartPose
+from hopopt.design.fields import TRUNK
 from hopopt.design.geometry.shape import Shape
+from hopopt.leg.geometry.solids import counted_points
+from hopopt.leg.kinematics import joint_positions
 from hopopt.problem.checking.faults import Report
 
+ROUNDING = 1e-9  # m: a pose given in decimals is not refused for its last digit
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
@@ -17,6 +21,20 @@ def shape_rules(leg: Leg, report: Report) -> None:
             report.add(path, "is no name of a shape: 1 to 64 letters, digits, _ or - are needed")
         elif words := shape.fault():
             report.add(path, words)
+
+
+def trunk_rules(leg: Leg, start: StartPose, hop: HopSettings, report: Report) -> None:
+    """Report a trunk below the ground at the start that the hop wants above it."""
+    above = TRUNK in hop.above_ground or not hop.above_ground
+    angles = start.joint_angles
+    hip = start.hip_height if angles is None else -float(joint_positions(leg, angles)[-1, 2])
+    if not leg.has_trunk or not above or hip is None:
+        return
+    low = hip + next(place[2] for name, _, place in counted_points(leg) if name == TRUNK)
+    if low < hop.least_height - ROUNDING:
+        entry = "hip_height" if angles is None else "joint_angles"
+        words = f"puts the trunk {hop.least_height - low:.3f} m too low, below the ground or hop.least_height"
+        report.add(f"start.{entry}", f"{words}: start higher, or leave trunk out of hop.above_ground")
 
 
 def _shapes(leg: Leg) -> Iterator[tuple[str, str, Shape]]:
