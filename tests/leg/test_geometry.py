@@ -205,10 +205,10 @@ def test_the_lowest_point_is_of_the_shapes_unless_joints_alone_count(tmp_path: P
 
 @pytest.mark.slow
 def test_a_trunk_that_hangs_low_is_what_clears(tmp_path: Path) -> None:
-    """Its height at the apex is the clearance."""
+    """Its height at the apex is the clearance; the foot is drawn up as high and no higher."""
     low = "[leg.body.shapes.trunk]\npolygon = [[-0.2, -0.33], [0.2, -0.33], [0.2, 0.1], [-0.2, 0.1]]\n"
     design = paper_leg(tmp_path, f"{low}[hop]\nstance_duration = [0.03, 0.2]\n[start]\nhip_height = 0.36\n")
     found = solve(design, starts=1, processes=1)
     assert found.summary.verified
-    assert found.summary.lowest_point == "trunk"
+    assert found.summary.lowest_point in ("trunk", "foot")
     assert found.summary.clearance_m == pytest.approx(float(found.apex.q[0, 1]) - 0.33, abs=1e-9)
