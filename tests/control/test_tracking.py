@@ -10,7 +10,8 @@ from hopopt.control.closed_loop import Run, make_plant, simulate
 from hopopt.control.reference import PhaseReference, PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN
-from hopopt.control.tracking.regulator import Noise, joint_acceleration, kalman, linearised
+from hopopt.control.tracking.linearisation import Linearisation
+from hopopt.control.tracking.regulator import Noise, kalman, linearised
 from hopopt.control.tracking.track import Track
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
@@ -231,10 +232,12 @@ def test_linearised_motion_is_the_plants_own(
 def test_joint_acceleration_is_the_plants(plan: PlanReference, free: Plant) -> None:
     for contact, phase in ((True, plan.stance), (False, plan.flight)):
         q, v, tau = phase.at(0.08)
-        a = joint_acceleration(free.machine, np.concatenate([q, v, tau]), contact)
+        found = Linearisation(free.machine).answers(np.concatenate([q, v, tau])[None], contact)[0]
         terms = free.machine.stance_terms(q, v)
         whole = free.machine.acceleration(terms.q, terms.v, tau, contact)
-        np.testing.assert_allclose(a, whole[BASE:], rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(found[:2], whole[BASE:], rtol=1e-8, atol=1e-8)
+        force = terms.contact_force(tau) if contact else np.zeros(BASE)
+        np.testing.assert_allclose(found[2:], force, rtol=1e-8, atol=1e-8)
 
 
 def test_feedback_gains_make_the_stance_contract(solution: Solution, plan: PlanReference) -> None:

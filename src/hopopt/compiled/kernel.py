@@ -32,3 +32,8 @@ def packed(values: Any) -> Any:
     for name, array in arrays.items():
         record[name][0] = array
     return record[0]
+
+
+def argument(record: Any) -> Any:
+    """A record as an array of one, which Python hands to a compiled function in 1 us; a record alone takes 20."""
+    return np.array([record], dtype=record.dtype)

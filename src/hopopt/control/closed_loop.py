@@ -101,11 +101,12 @@ class Run:
         return str(self.stated.get("limited_by", ""))
 
 
-def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int = 1, compiled: bool = False) -> Plant:
+def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int = 1) -> Plant:
     """The leg of a problem with its drives and gear losses, on ideal ground, or where the foot may slip.
 
-    It may slip if the problem has contact.friction and ``can_slip``. torque_gain as in ``Drive``, finer as in ``Plant``;
-    compiled: faster code for ideal ground too, if it takes the leg. Raises UsageError for a leg that leaves the x-z plane.
+    It may slip if the problem has contact.friction and ``can_slip``. torque_gain as in ``Drive``, finer as in ``Plant``.
+    Compiled equations of motion move it where they can: not on a vertical slider, nor with drives that have states of their
+    own. Raises UsageError for a leg that leaves the x-z plane.
     """
     if not planar(design.leg):
         raise UsageError(
@@ -115,11 +116,10 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     robot = build_robot(design.leg)
     states, rotor = added_states(design.leg, robot.parameters), robot.model.armature[BASE:]
     drive = Drive.of(design.leg, robot.parameters, rotor, gear_of(design), torque_gain=torque_gain, states=states)
-    quick = compiled and not drive.states
-    friction = np.inf if design.contact.friction is None and quick else design.contact.friction
-    if friction is None or not can_slip(design.leg):
+    friction = design.contact.friction
+    if not can_slip(design.leg) or (friction is None and drive.states):
         return Plant(robot, drive, design.hop.above_ground, finer)
-    return RoughGround(robot, drive, friction, design.hop.above_ground, finer)
+    return RoughGround(robot, drive, np.inf if friction is None else friction, design.hop.above_ground, finer)
 
 
 def make_controller(
@@ -138,7 +138,6 @@ def simulate(
     torque_gain: np.ndarray | None = None,
     hops: int = 1,
     past_apex: bool = False,
-    compiled: bool = False,
     options: Mapping[str, Any] | None = None,
     controller: Controller | None = None,
     start: np.ndarray | State | None = None,
@@ -146,8 +145,7 @@ def simulate(
     """Hop a leg with a strategy, ``hops`` times, at rest from the problem's start or joint angles ``start`` (n) [rad], or
     from any state.
 
-    compiled: as in ``make_plant``. past_apex: end well past the first apex, where the clearance is decided, not at the
-    landing. plan is what ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
+    past_apex: end well past the first apex, where the clearance is decided, not at the landing. plan is what ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
     options are settings of the strategy, unless a fresh controller is given. Raises UsageError if the strategy
     cannot be made. Where the energy does not balance it is simulated again in finer steps; HopoptError if it does not
     balance then either.
@@ -160,7 +158,7 @@ def simulate(
             if controller is not None and spare is None:
                 break
             fresh = _copied(spare) or make_controller(design, strategy, plan, options)
-        trace = make_plant(truth, torque_gain, finer, compiled).run(
+        trace = make_plant(truth, torque_gain, finer).run(
             start_angles(design) if start is None else start,
             fresh,
             hops * longest(design),

@@ -33,6 +33,7 @@ from hopopt.sim.state import BOUNCE
 
 RATE_STEP = 1e-5  # [m] on the paper's leg: step of the reference's own derivative
 SHORTEST_BRAKING = 1e-3  # [m] on the paper's leg, over which a landing brakes at least
+STRETCHED = 0.999999  # share of the leg's reach to which it is stretched at most
 STILL_MOVING = 0.1  # share of a drive's no-load speed, above which a joint has not come to rest
 NEAR = 1.5  # margins from a joint limit, within which a pose is at it
 
@@ -92,7 +93,7 @@ class PaperStrategy:
                 f"{setting.design.name}: the paper's strategies need a leg of two joints, this one {has}: "
                 "simulate track or a strategy of your own (compare --strategies track)"
             )
-        self.geometry = TwoJoints.of(self.leg)
+        self.geometry, self.longest = TwoJoints.of(self.leg), STRETCHED * reach(self.leg)
         self.options = replace(PaperOptions.of(setting.design, gains), **chosen(PaperOptions, setting.options))
         if self.options.k_p <= 0:
             raise UsageError(
@@ -157,11 +158,11 @@ class PaperStrategy:
         error = angles - now.q
         inertia = np.diag(self.machine.mass_matrix(np.concatenate([np.zeros(BASE), now.q])))[BASE:]
         damping = 2 * np.sqrt(self.options.k_p * inertia)
-        approach = np.clip(self.options.k_p / damping * error, -self.quick, self.quick)
+        approach = within(self.options.k_p / damping * error, -self.quick, self.quick)
         if self.options.flight == "braked":
             strength = np.abs(self.drive.clamp(now.v, np.copysign(np.inf, -error)))
             quickest = np.sqrt(2 * BRAKING * strength / inertia * np.abs(error))
-            approach = np.clip(approach, -quickest, quickest)
+            approach = within(approach, -quickest, quickest)
         return damping * (approach + rates - now.v)
 
     def _aim(self, now: Measurement) -> Aim | None:
@@ -250,12 +251,17 @@ class PaperStrategy:
 
     def angles(self, y: float) -> np.ndarray:
         """Joint angles [rad] that put the foot y [m] under the hip, or as far as limits and reach allow."""
-        y = min(y, 0.999999 * reach(self.leg))
+        y = min(y, self.longest)
         for q in self.geometry.angles(np.array([0.0, -y])):
             if self.geometry.bend(q[1]) * self.side > 0:
-                return np.clip(q, self.lower, self.upper)
+                return within(q, self.lower, self.upper)
         folded = np.inf * self.side * self.geometry.signs[1]
-        return np.clip(np.array([self.geometry.middle[0], folded]), self.lower, self.upper)
+        return within(np.array([self.geometry.middle[0], folded]), self.lower, self.upper)
+
+
+def within(x: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """np.clip, four times as fast for few numbers."""
+    return np.minimum(np.maximum(x, lower), upper)
 
 
 class Force(PaperStrategy):

@@ -47,27 +47,27 @@ class TwoMass:
         """The other reading of y_s.neu [m], that of its eq. 3: the length at which the spring carries the body."""
         return cls(m=m, m_e=m_e, k=k, l0=y_neu + m * g / k, g=g, **rest)
 
-    @property
+    @cached_property
     def M(self) -> float:
         """Both masses [kg]."""
         return self.m + self.m_e
 
-    @property
+    @cached_property
     def loaded_length(self) -> float:
         """Length [m] at which the spring carries the body, the centre of the stance oscillation."""
         return self.l0 - self.m * self.g / self.k
 
-    @property
+    @cached_property
     def A(self) -> float:
         """Amplitude [m] of the stance oscillation (the paper's eq. 3)."""
         return self.C_amp + self.m * self.g / self.k
 
-    @property
+    @cached_property
     def omega_s(self) -> float:
         """Angular frequency [rad/s] in stance."""
         return float(np.sqrt(self.k / self.m))
 
-    @property
+    @cached_property
     def omega_f(self) -> float:
         """Angular frequency [rad/s] in flight, of the reduced mass m m_e / M."""
         return float(np.sqrt(self.k * self.M / (self.m * self.m_e)))
@@ -104,17 +104,17 @@ class TwoMass:
             )
         return float((np.pi - np.arccos(self.M * self.g / (self.k * self.A))) / self.omega_s)
 
-    @property
+    @cached_property
     def y_lo(self) -> float:
         """Length [m] at lift-off: the spring carries the foot."""
         return self.l0 + self.m_e * self.g / self.k
 
-    @property
+    @cached_property
     def v_lo(self) -> float:
         """Rate of the length [m/s], and speed of the body, at lift-off."""
         return float(self.y_s_rate(self.t_lo))
 
-    @property
+    @cached_property
     def v_c(self) -> float:
         """Speed [m/s] of the centre of mass at lift-off."""
         return self.m * self.v_lo / self.M
@@ -145,7 +145,7 @@ class TwoMass:
         """Its rate [m/s]."""
         return self.v_c - self.g * np.asarray(t) - self.m / self.M * self.y_f_rate(t)
 
-    @property
+    @cached_property
     def _a(self) -> float:
         """omega_f v_c / g [-]: half a ballistic flight in radians of the flight oscillation."""
         return self.omega_f * self.v_c / self.g
@@ -159,7 +159,7 @@ class TwoMass:
 
         return 2 * _root(early, self._a / 2, 2.1 * self._a) / self.omega_f
 
-    @property
+    @cached_property
     def T(self) -> float:
         """Period [s] from mid-stance to mid-stance of the reference, which resets its phase at touchdown."""
         return 2 * self.t_lo + self.t_f

@@ -5,7 +5,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from hopopt.compiled.kernel import packed
+from hopopt.compiled.kernel import argument, packed
 from hopopt.design import MOST_POINTS, Leg
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.dynamics import AddedStates
@@ -61,9 +61,8 @@ class Drive:
         }
         self.gear, self.rotor = gear, np.zeros(n) if rotor is None else np.asarray(rotor, dtype=float)
         self._record = packed(self.numbers)
-        self._believed = (
-            self._record if torque_gain is None else packed({**self.numbers, "gain": np.ones(n), "heat": feeds["heat"]})
-        )
+        believed = {**self.numbers, "gain": np.ones(n), "heat": feeds["heat"]}
+        self._true, self._believed = argument(self._record), argument(packed(believed))
         self.states = states if states and states.size else None
 
     @classmethod
@@ -74,7 +73,7 @@ class Drive:
 
     def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n), as far as the supply feeds them."""
-        return kernels.driven(self._believed, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
+        return kernels.driven_by(self._believed, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
 
     def parts(
         self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float, x: np.ndarray | None = None
@@ -133,7 +132,7 @@ class Drive:
 
     def _driven(self, w: np.ndarray, command: np.ndarray) -> np.ndarray:
         """What motors have of a command at once."""
-        return kernels.driven(self._record, np.asarray(w, dtype=float), np.asarray(command, dtype=float))
+        return kernels.driven_by(self._true, np.asarray(w, dtype=float), np.asarray(command, dtype=float))
 
 
 def _of_joints(values: Sequence[Any], n: int) -> np.ndarray:

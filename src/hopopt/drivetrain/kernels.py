@@ -76,6 +76,12 @@ def driven(drive: Any, w: np.ndarray, command: np.ndarray) -> np.ndarray:
 
 
 @kernel
+def driven_by(drives: Any, w: np.ndarray, command: np.ndarray) -> np.ndarray:
+    """``driven``, for Python: a drive as ``argument``."""
+    return driven(drives[0], w, command)
+
+
+@kernel
 def passed(drive: Any, k: int, torque: float, w: float) -> tuple[float, float]:
     """``gear.passed_torque`` of joint k: what of a torque [N m] at the teeth the leg feels at speed w [rad/s]; its slope."""
     eta = drive.efficiency[k]

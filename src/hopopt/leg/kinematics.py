@@ -147,7 +147,7 @@ class TwoJoints:
         """Both joint-angle solutions [rad], bent backward and forward, that put the foot at (x, z) [m] relative to
         the body; empty if it is out of reach. Of equal angles those nearest to the middle of the limits."""
         (first, second), wanted = self.ends, complex(*foot)
-        l1, l2 = abs(first), abs(second)
+        l1, l2, signs, middle = self._numbers
         cosine = (abs(wanted) ** 2 - l1**2 - l2**2) / (2 * l1 * l2)
         if abs(cosine) > 1:
             return []
@@ -155,9 +155,14 @@ class TwoJoints:
         for bend in (-acos(cosine), acos(cosine)):  # plain numbers: controllers ask in every period
             knee = bend - self.bend_at_zero
             hip = phase(wanted / (first + second * rect(1.0, knee)))
-            q = zip(self.signs.tolist(), (hip, knee), self.middle.tolist(), strict=True)
+            q = zip(signs, (hip, knee), middle, strict=True)
             solutions.append(np.array([middle + _wrapped(sign * angle - middle) for sign, angle, middle in q]))
         return solutions
+
+    @cached_property
+    def _numbers(self) -> tuple[float, float, list[float], list[float]]:
+        """The links' lengths [m], and signs and middle as plain numbers."""
+        return abs(self.ends[0]), abs(self.ends[1]), self.signs.tolist(), self.middle.tolist()
 
 
 def _wrapped(angle: Any) -> Any:

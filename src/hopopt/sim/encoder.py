@@ -1,6 +1,7 @@
 """The encoders at the joints: what a controller knows of angles and speeds."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,7 +22,7 @@ class Encoder:
     def __post_init__(self) -> None:
         self.readings: list[np.ndarray] = []
 
-    @property
+    @cached_property
     def step(self) -> float:
         """Resolution [rad]."""
         return 2 * np.pi / 2**self.bits

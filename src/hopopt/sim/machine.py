@@ -190,9 +190,7 @@ class Machine:
 
     def points(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """World x, z [m] of joints, foot and centre of mass."""
-        pin.framesForwardKinematics(self.model, self.data, q)
-        points = {name: self.data.oMf[f].translation[[0, 2]].copy() for name, f in self.frames.items()}
-        return {**points, "com": pin.centerOfMass(self.model, self.data, q)[[0, 2]].copy()}
+        return {name: path[0] for name, path in {**self.paths(q[None]), "com": self.com_path(q[None])}.items()}
 
     def paths(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """World x, z [m] of joints and foot, name -> (k, 2), at k poses q (k, BASE + n)."""
@@ -202,6 +200,10 @@ class Machine:
             for place, frame in zip(positions, self.frames.values(), strict=True):
                 place[k] = self.data.oMf[frame].translation
         return {name: place[:, [0, 2]] for name, place in zip(self.frames, positions, strict=True)}
+
+    def com_path(self, q: np.ndarray) -> np.ndarray:
+        """World x, z [m] of the centre of mass at k poses q (k, BASE + n), (k, 2)."""
+        return np.array([pin.centerOfMass(self.model, self.data, row) for row in q])[:, [0, 2]]
 
     def com_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """World x', z' [m/s] of the centre of mass."""

@@ -162,6 +162,14 @@ class Plant:
         cut = self.step(s, torque, float(part))  # type: ignore[arg-type]
         return (after, False) if s.contact and not self._comes_off(cut, torque) else (cut, True)
 
+    def noted_step(self, s: State, torque: Torque, h: float, writer: TraceWriter) -> tuple[State, bool, bool]:
+        """``advance`` from a state that is noted, unless the foot lets go there: whether the contact has to change, and whether the
+        state was noted."""
+        if self.lets_go(s, torque):
+            return s, True, False
+        self._note(writer, s, torque)
+        return *self.advance(s, torque, h), True
+
     def lets_go(self, s: State, torque: Torque) -> bool:
         """Whether a foot on the ground leaves it at once under this torque."""
         return s.contact and self._margin(s, torque) < 0 and self._comes_off(s, torque)
@@ -253,11 +261,8 @@ class Plant:
 
         torque = from_here(s)
         while end - s.t > EVENT and s.sane(self.fastest) and not s.halted:
-            changes = self.lets_go(s, torque)
-            if not changes:
-                self._note(writer, s, torque)
-                s, changes = self.advance(s, torque, min(end - s.t, self.longest))
-                before = torque
+            s, changes, noted = self.noted_step(s, torque, min(end - s.t, self.longest), writer)
+            before = torque if noted else before
             if changes:
                 if before:
                     self._note(writer, s, before)

@@ -65,8 +65,7 @@ class Trace:
     @cached_property
     def points(self) -> dict[str, np.ndarray]:
         """name -> (k, 2) x, z [m] of every joint, "foot" and "com"."""
-        rows = [self.machine.points(q) for q in self.q]
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return {**self.machine.paths(self.q), "com": self.machine.com_path(self.q)}
 
     @cached_property
     def com_v(self) -> np.ndarray:

@@ -77,7 +77,7 @@ class ReturnMap:
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """The state (2 n + 2) before the next touchdown; Fallen if there is none."""
         design, s, n = self.design, self.design.simulation, len(self.design.leg.joints)
-        plant, period = make_plant(design, compiled=True), 1 / s.control_rate
+        plant, period = make_plant(design), 1 / s.control_rate
         q = np.concatenate([np.zeros(BASE), z[:n]])
         q[1] = -plant.machine.foot_motion(q, np.zeros_like(q))[0][1]
         falling = State(q, z[n:], contact=False, foot=0.0, since=-1.0)

@@ -143,7 +143,6 @@ class HopsTrial:
                 plant=draw.leg if draw else None,
                 torque_gain=draw.torque_gain if draw else None,
                 hops=landings_needed,
-                compiled=True,
                 controller=deepcopy(fresh),
                 start=start,
             )

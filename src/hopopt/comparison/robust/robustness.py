@@ -182,7 +182,6 @@ def _reached(
             start=draw.start,
             controller=deepcopy(fresh),
             past_apex=True,
-            compiled=True,
         )
         found.append((run.figures.clearance, run.figures.no_hop or run.trace.outcome))
     return found

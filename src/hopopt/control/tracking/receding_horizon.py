@@ -8,14 +8,15 @@ answer. With no limit in reach and blocks of one period the answer is the regula
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
 
 from hopopt.control.reference import PhaseReference
 from hopopt.control.setting import Setting
-from hopopt.control.tracking.regulator import LINEARISATION_STEP, Gains
+from hopopt.control.tracking.linearisation import Linearisation
+from hopopt.control.tracking.regulator import Gains
 from hopopt.control.tracking.track import Track, TrackingOptions
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.errors import UsageError
@@ -95,22 +96,19 @@ class PlanLimits:
                 w.append(1 - float(plane.a) * tau[j] - float(plane.b) * v[j])
         return np.array(G), np.array(E), np.array(w)
 
+    @cached_property
+    def _leg(self) -> Linearisation:
+        return Linearisation(self.machine)
+
     def _of_contact(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The ground pushes, within its friction cone; the force is linear in the torque, and linearised in the joints."""
-        n, heavy = len(q), weight(self.machine.model)
-
-        def force(z: np.ndarray) -> np.ndarray:
-            return self.machine.stance_terms(z[:n], z[n : 2 * n]).contact_force(z[2 * n :])
-
-        z = np.concatenate([q, v, tau])
-        slopes = np.array(
-            [(force(z + d) - force(z - d)) / (2 * LINEARISATION_STEP) for d in LINEARISATION_STEP * np.eye(3 * n)]
-        ).T
+        n, heavy, leg, z = len(q), weight(self.machine.model), self._leg, np.concatenate([q, v, tau])[None]
+        force, slopes = leg.answers(z, True)[0, n:], leg.slopes(z, True)[0, n:]
         ways = np.array([[0.0, -1.0]])
         if self.friction is not None:
             ways = np.vstack([ways, [[1.0, -self.friction], [-1.0, -self.friction]]])
         ways = ways / heavy
-        return ways @ slopes[:, 2 * n :], ways @ slopes[:, : 2 * n], -ways @ force(z)
+        return ways @ slopes[:, 2 * n :], ways @ slopes[:, : 2 * n], -ways @ force
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
+from hopopt.compiled.kernel import kernel
 from hopopt.control.reference import PhaseReference
-from hopopt.leg.robot import BASE
+from hopopt.control.tracking.linearisation import Linearisation
 from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 
 GRID = 1e-3  # [s] on the paper's leg: between times where the dynamics are linearised; in between they change linearly
-LINEARISATION_STEP = 1e-5  # of the central differences that linearise the dynamics
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,17 @@ def feedback(
     A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, end: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """K and P of all periods, from the end backwards."""
+    return _riccati(A, B, Q, R, end)
+
+
+@kernel
+def _riccati(
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, end: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     periods, size, n = B.shape
     K, P = np.empty((periods, n, size)), np.empty((periods + 1, size, size))
     P[periods] = end
-    for k in reversed(range(periods)):
+    for k in range(periods - 1, -1, -1):
         after = P[k + 1]
         K[k] = np.linalg.solve(R + B[k].T @ after @ B[k], B[k].T @ after @ A[k])
         cost = Q + A[k].T @ after @ (A[k] - B[k] @ K[k])
@@ -84,14 +91,20 @@ def feedback(
 
 def kalman(A: np.ndarray, B: np.ndarray, period: float, noise: Noise) -> np.ndarray:
     """L of all periods, from the beginning forwards."""
-    periods, size, n = B.shape
+    n = B.shape[2]
     moved = B @ B.transpose(0, 2, 1)
     moved[:, :n, :n] += period**2 / 12 * moved[:, n:, n:]  # what torques do to angles that change within the period
-    L, V = np.empty((periods, size, n)), np.eye(n) * noise.angle**2
     S = np.diag([noise.angle**2] * n + [noise.speed**2] * n) + noise.jump**2 * moved[0]
+    return _filtered(A, moved, S, np.eye(n) * noise.angle**2, noise.torque**2)
+
+
+@kernel
+def _filtered(A: np.ndarray, moved: np.ndarray, S: np.ndarray, V: np.ndarray, torque: float) -> np.ndarray:
+    n, (periods, size, _) = len(V), A.shape
+    L = np.empty((periods, size, n))
     for k in range(periods):
-        L[k] = np.linalg.solve(S[:n, :n] + V, S[:n]).T
-        S = A[k] @ (S - L[k] @ S[:n]) @ A[k].T + noise.torque**2 * moved[k]
+        L[k] = np.linalg.solve(np.ascontiguousarray(S[:n, :n]) + V, S[:n]).T
+        S = A[k] @ (S - L[k] @ S[:n]) @ A[k].T + torque * moved[k]
         S = 0.5 * (S + S.T)
     return L
 
@@ -101,30 +114,10 @@ def linearised(machine: Machine, phase: PhaseReference, period: float, contact: 
     n, periods = machine.n, max(1, int(phase.duration / period))
     apart = max(1, int(GRID * Scale.of(machine.leg).time / period + 1e-6))
     known = np.unique(np.append(np.arange(0, periods, apart), periods - 1))
-    slopes = np.array([slopes_at(machine, np.concatenate(phase.at(k * period)), contact) for k in known])
+    slopes = Linearisation(machine).slopes(np.array([np.concatenate(phase.at(k * period)) for k in known]), contact)
     system = np.zeros((periods, 3 * n, 3 * n))
     system[:, :n, n : 2 * n] = period * np.eye(n)
     for row, column in np.ndindex(n, 3 * n):
         system[:, n + row, column] = period * np.interp(np.arange(periods), known, slopes[:, row, column])
     moved = expm(system)
-    return moved[:, : 2 * n, : 2 * n], moved[:, : 2 * n, 2 * n :]
-
-
-def slopes_at(machine: Machine, z: np.ndarray, contact: bool) -> np.ndarray:
-    """How joint accelerations (n) change with z = (q, v, tau) of the joints, (n, 3 n)."""
-    columns = [
-        (joint_acceleration(machine, z + step, contact) - joint_acceleration(machine, z - step, contact))
-        / (2 * LINEARISATION_STEP)
-        for step in LINEARISATION_STEP * np.eye(len(z))
-    ]
-    return np.array(columns).T
-
-
-def joint_acceleration(machine: Machine, z: np.ndarray, contact: bool) -> np.ndarray:
-    """Joint accelerations (n) [rad/s^2] from z = (q, v, tau) of the joints; in flight whatever the body does."""
-    q, v, tau = np.split(z, 3)
-    if contact:
-        return machine.stance_terms(q, v).acceleration(tau)
-    base = np.zeros(BASE)
-    q, v = (np.concatenate([base, x]) for x in (q, v))
-    return machine.acceleration(q, v, tau, False)[BASE:]
+    return moved[:, : 2 * n, : 2 * n].copy(), moved[:, : 2 * n, 2 * n :].copy()

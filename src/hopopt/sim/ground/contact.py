@@ -1,8 +1,6 @@
 """Contact of the foot with rough ground, compiled: stick, slip, flight, and what changes one into another.
 
-Coulomb's law for a point on level ground: it sticks while |f_x| <= mu f_z, and slips against f_x = -mu f_z sign(x').
-All modes come from one linear map, the foot's acceleration c + G f, where f is the contact force and G the inverse of
-the foot's inertia. An impact is plastic across the ground and keeps to the cone along it (the impact law of Moreau's
+The ground's law is ``coulomb``. An impact is plastic across the ground and keeps to the cone along it (the impact law of Moreau's
 time stepping with restitution zero: Stewart, Rigid-body dynamics with friction and impact, SIAM Review 42, 2000).
 It never adds energy: the impulse works on the mean of the foot's velocity before and after.
 """
@@ -14,9 +12,20 @@ import numpy as np
 from hopopt.compiled.kernel import kernel
 from hopopt.drivetrain.kernels import driven, passed, rubbing_parts
 from hopopt.sim.ground import stops
+from hopopt.sim.ground.coulomb import (
+    BACKWARD,
+    FLIGHT,
+    FORWARD,
+    STICK,
+    contact_force,
+    grips,
+    held,
+    of_foot,
+    slip_direction,
+    slipping,
+)
 from hopopt.sim.ground.planar import bias, chain, foot_jacobian, mass_matrix, solved
 
-STICK, FORWARD, BACKWARD, FLIGHT = 0, 1, -1, 2  # modes; the foot slips in the direction of the number
 STAYS, LIFTS, LANDS, SLIPS, STICKS, JAMS, STRIKES = 0, 1, 2, 3, 4, 5, 6  # what happens
 CHANGE_PAUSE = 1e-5  # [s] after a change within which no further one is looked for
 FRESH = 1e-9  # [m, m/s or N] of margin below which a mode has just begun
@@ -24,38 +33,6 @@ WITHIN = 1e-12  # [s] to which a change is located
 RESTS = 1e-9  # [m/s] below which a foot that slowed down rests
 NEWTON_STEPS, SETTLED = 20, 1e-12  # of Newton's method; the last one's size, relative
 STOP_STEPS = 32  # of a step where a joint touches its end stop: they are stiff
-
-
-@kernel
-def of_foot(J: np.ndarray, v: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity (2) [m/s] of the foot, and G (2, 2) [1/kg] by the accelerations X (n + 2, 2) from unit forces at it."""
-    velocity, G = np.zeros(2), np.zeros((2, 2))
-    for a in range(2):
-        for k in range(len(v)):
-            velocity[a] += J[a, k] * v[k]
-            G[a, 0] += J[a, k] * X[k, 0]
-            G[a, 1] += J[a, k] * X[k, 1]
-    return velocity, G
-
-
-@kernel
-def slipping(mode: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple[float, float]:
-    """Vertical force [N] on a foot that slips in a mode's direction, and how much a unit of it with its friction
-    accelerates the foot upwards [1/kg]: where that is not above zero, no force keeps the foot on the ground."""
-    ease = G[1, 1] - mode * mu * G[1, 0]
-    return -c[1] / ease, ease
-
-
-@kernel
-def contact_force(mode: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple[float, float]:
-    """Force (x, z) [N] on the foot in a mode."""
-    if mode == FLIGHT:
-        return 0.0, 0.0
-    if mode == STICK:
-        det = G[0, 0] * G[1, 1] - G[0, 1] * G[1, 0]
-        return (G[0, 1] * c[1] - G[1, 1] * c[0]) / det, (G[1, 0] * c[0] - G[0, 0] * c[1]) / det
-    fz, _ = slipping(mode, mu, c, G)
-    return -mode * mu * fz, fz
 
 
 @kernel
@@ -181,24 +158,10 @@ def step(
 
 
 @kernel
-def grips(mu: float, fx: float, fz: float, G: np.ndarray) -> float:
-    """Below zero where a foot cannot stick under the force that this takes [N]. On ideal ground (mu infinite) it stays
-    until it would rise if it were let go: its sideways grip may press it down."""
-    if mu == np.inf:
-        return fz if fz >= 0 else fz + max(0.0, G[1, 0] / G[1, 1] * fx)
-    return mu * fz - abs(fx)
-
-
-@kernel
 def holds(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> float:
     """Below zero where the ground cannot hold the mode: force outside the cone, or none that presses [N]."""
-    if mode == FLIGHT:
-        return 1.0
     _, c, G, _, _, _, _ = loads(leg, mode, q, v, command)
-    fx, fz = contact_force(mode, leg.mu, c, G)
-    if mode == STICK:
-        return grips(leg.mu, fx, fz, G)
-    return fz if slipping(mode, leg.mu, c, G)[1] > 0 else -1.0
+    return held(leg, mode, c, G)
 
 
 @kernel
@@ -245,14 +208,16 @@ def advance(
 
 
 @kernel
-def slip_direction(first: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple[int, float]:
-    """The mode in which friction opposes the slip it allows, ``first`` tried first, and the vertical force [N] or impulse
-    [N s] in it; FLIGHT where there is none."""
-    for mode in (first, -first):
-        force, ease = slipping(mode, mu, c, G)
-        if ease > 0 and force >= 0 and mode * (c[0] + (G[0, 1] - mode * mu * G[0, 0]) * force) >= 0:
-            return mode, force
-    return FLIGHT, 0.0
+def noted_step(
+    legs: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray, work: np.ndarray, command: np.ndarray, h: float
+) -> tuple[Any, ...]:
+    """Whether the ground holds the mode, then ``advance`` if it does, and the ``torques`` here; legs: a leg as ``argument``."""
+    leg = legs[0]
+    _, c, G, _, _, motor, tau = loads(leg, mode, q, v, command)
+    force, stays, lasted, ended = np.array(contact_force(mode, leg.mu, c, G)), held(leg, mode, c, G) >= 0, 0.0, False
+    if stays:
+        q, v, work, lasted, ended = advance(leg, mode, foot, q, v, work, command, h)
+    return stays, q, v, work, lasted, ended, motor, tau, force
 
 
 @kernel

@@ -75,6 +75,12 @@ def chain(leg: Any, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 @kernel
+def joint_heights(legs: Any, q: np.ndarray) -> np.ndarray:
+    """Heights of the joints (n,) [m]; legs: a leg as ``argument``."""
+    return chain(legs[0], q, np.zeros(len(q)))[0][:-1, 1].copy()
+
+
+@kernel
 def foot_jacobian(leg: Any, joints: np.ndarray) -> np.ndarray:
     """Velocity of the foot by the coordinates' speeds, (2, n + 2)."""
     n = len(joints) - 1

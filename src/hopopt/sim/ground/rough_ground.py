@@ -5,14 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from hopopt.compiled.kernel import argument
 from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
 from hopopt.leg.robot import Robot
 from hopopt.sim.ground import contact
-from hopopt.sim.ground.planar import planar_leg
+from hopopt.sim.ground.planar import joint_heights, planar_leg
 from hopopt.sim.plant import RAN_AWAY, Plant
 from hopopt.sim.state import State, Torque
-from hopopt.sim.trace import Event
+from hopopt.sim.trace import Event, TraceWriter
 
 HAPPENINGS = {
     contact.LIFTS: "lift-off",
@@ -44,7 +45,9 @@ class RoughGround(Plant):
             )
         super().__init__(robot, drive, above_ground, finer)
         self.friction = friction
-        self.leg = planar_leg(robot, drive, self.stops, self.above_ground, friction, finer)
+        self.ideal = friction == np.inf
+        self.leg = planar_leg(robot, drive, self.stops, set() if self.ideal else self.above_ground, friction, finer)
+        self._legs = argument(self.leg)
 
     def step(self, s: State, torque: Torque, h: float) -> State:
         """A step of length h [s] without regard to events."""
@@ -54,6 +57,17 @@ class RoughGround(Plant):
     def torques(self, s: State, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What a command (n) leads to: torques (n) [N m] of the motors and of the joints, contact force (x, z) [N]."""
         return contact.torques(self.leg, _mode(s), s.q, s.v, command)
+
+    def noted_step(self, s: State, torque: Torque, h: float, writer: TraceWriter) -> tuple[State, bool, bool]:
+        """As ``Plant.noted_step``, in one call of a compiled function."""
+        command = self._held(s, torque)
+        held, q, v, work, lasted, ended, *given = contact.noted_step(
+            self._legs, _mode(s), s.foot, s.q, s.v, s.work, command, h
+        )
+        if not held:
+            return s, True, False
+        writer.rows.append((s.t, s.q, s.v, command, *given, s.contact, s.work))
+        return replace(s, q=q, v=v, work=work, t=s.t + lasted), bool(ended), True
 
     def lets_go(self, s: State, torque: Torque) -> bool:
         """Whether the foot cannot stay as it is under this torque: stuck, or slipping in its direction."""
@@ -83,8 +97,14 @@ class RoughGround(Plant):
         return after, Event(HAPPENINGS[what], s.t, lost) if what in HAPPENINGS else None
 
     def fault(self, s: State) -> str:
-        """Why the simulation cannot go on, or nothing; joints that strike have been noticed at their instant."""
-        return s.halted or ("" if s.sane(self.fastest) else RAN_AWAY)
+        """Why the simulation cannot go on, or nothing; on rough ground joints that strike have been noticed at their instant."""
+        return super().fault(s) if self.ideal else s.halted or ("" if s.sane(self.fastest) else RAN_AWAY)
+
+    def lowest_watched(self, s: State) -> tuple[str, float]:
+        """As ``Plant.lowest_watched``, compiled."""
+        heights = zip(joint_heights(self._legs, s.q).tolist(), self.robot.joints, strict=True)
+        height, name = min((one for one in heights if one[1] in self.above_ground), default=(np.inf, ""))
+        return name, height
 
     def _held(self, s: State, torque: Torque) -> np.ndarray:
         return np.asarray(torque(s.t, s.q[-self.n :], s.v[-self.n :]), dtype=float)
