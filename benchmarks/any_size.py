@@ -88,7 +88,7 @@ def kept(folder: Path, solve: str, design: Design) -> Solution:
 def case(design: Design, bits: int, rate: int, plan: PlanReference) -> tuple[float, float]:
     """Clearance [m] with such encoders at such a rate, and the largest move of feedback between samples [share of stall]."""
     here = changed(design, {"simulation.encoder_bits": bits, "simulation.control_rate": float(rate)})
-    run = simulate(here, find("track"), plan=plan, past_apex=True, compiled=True)
+    run = simulate(here, find("track"), plan=plan, past_apex=True)
     return run.figures.clearance, run.moves or 0.0
 
 

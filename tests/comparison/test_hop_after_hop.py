@@ -56,7 +56,7 @@ def bound() -> Solution:
 
 @pytest.mark.slow
 def test_the_first_of_many_hops_is_the_hop_from_rest() -> None:
-    alone = simulate(leg(), find("force_tuck"), compiled=True).figures
+    alone = simulate(leg(), find("force_tuck")).figures
     first = three_hops().each[0]
     assert first.clearance == alone.clearance
     assert first.budget == alone.budget

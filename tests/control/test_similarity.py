@@ -46,7 +46,7 @@ def track(size: float) -> Track:
 @cache
 def hopped(name: str, size: float) -> HopFigures:
     """The figures of a strategy's hop on such a leg, with all its sensors."""
-    return simulate(load("paper", similar(size)), find(name), plan=plan(size), past_apex=True, compiled=True).figures
+    return simulate(load("paper", similar(size)), find(name), plan=plan(size), past_apex=True).figures
 
 
 @pytest.mark.parametrize("name", PAPERS)

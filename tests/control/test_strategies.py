@@ -38,10 +38,8 @@ def paper() -> Design:
 
 @pytest.fixture(scope="module")
 def runs(paper: Design) -> dict[str, Run]:
-    """Two hops of every strategy of the paper, as the problem file describes the machine, on each of the two plants."""
-    return {
-        name: simulate(paper, BUILT_IN[name], hops=2, compiled=name in ("force_tuck", "position")) for name in PAPERS
-    }
+    """Two hops of every strategy of the paper, as the problem file describes the machine."""
+    return {name: simulate(paper, BUILT_IN[name], hops=2) for name in PAPERS}
 
 
 def rise_if_free(plant: Plant, trace: Trace, k: int) -> float:
@@ -166,13 +164,13 @@ def hops_on(run: Run, hops: int) -> None:
 def test_force_control_hops_twenty_times(paper: Design) -> None:
     """With 14-bit encoders at 4 kHz."""
     assert (paper.simulation.encoder_bits, paper.simulation.control_rate) == (14, 4000)
-    hops_on(simulate(paper, BUILT_IN["force"], hops=20, compiled=True), 20)
+    hops_on(simulate(paper, BUILT_IN["force"], hops=20), 20)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["force_tuck", "position", "position_tuck"])
 def test_the_others_hop_on_too(paper: Design, name: str) -> None:
-    hops_on(simulate(paper, BUILT_IN[name], hops=5, compiled=True), 5)
+    hops_on(simulate(paper, BUILT_IN[name], hops=5), 5)
 
 
 @pytest.mark.slow
@@ -192,7 +190,7 @@ def test_the_others_hop_on_too(paper: Design, name: str) -> None:
 )
 def test_force_control_hops_on_with_other_machines(changes: dict[str, Any]) -> None:
     """Nothing in it is tuned to one leg: losses, delay, coarse encoders, another motor, mass or crouch."""
-    hops_on(simulate(load("paper", changes), BUILT_IN["force"], hops=5, compiled=True), 5)
+    hops_on(simulate(load("paper", changes), BUILT_IN["force"], hops=5), 5)
 
 
 def test_phase_logic_counts_hops_and_not_bounces(paper: Design) -> None:
@@ -204,7 +202,7 @@ def test_phase_logic_counts_hops_and_not_bounces(paper: Design) -> None:
             heard.append(now)
             return super().torque(now)
 
-    run = simulate(paper, Strategy("listening", "force, and notes", Listening), hops=3, compiled=True)
+    run = simulate(paper, Strategy("listening", "force, and notes", Listening), hops=3)
     off, down = run.trace.times_of("lift-off"), run.trace.times_of("touchdown")
     flights = [(a, b) for a, b in zip(off, down, strict=False) if b - a > 0.02]
     for now in heard:

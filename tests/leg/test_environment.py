@@ -39,7 +39,7 @@ def elsewhere(gravity: float) -> dict[str, object]:
 @cache
 def hopped(gravity: float) -> HopFigures:
     """The paper's force control there."""
-    return simulate(load("paper", {**elsewhere(gravity), **CALM}), find("force"), past_apex=True, compiled=True).figures
+    return simulate(load("paper", {**elsewhere(gravity), **CALM}), find("force"), past_apex=True).figures
 
 
 @pytest.mark.slow
@@ -100,7 +100,7 @@ def assert_thrown(t: np.ndarray, places: np.ndarray, slope: float) -> None:
 
 
 def test_free_flight_on_a_slope_is_a_parabola_upright() -> None:
-    run = simulate(load("paper", {"environment.slope": SLOPE, **CALM}), find("force"), past_apex=True, compiled=True)
+    run = simulate(load("paper", {"environment.slope": SLOPE, **CALM}), find("force"), past_apex=True)
     flight = run.figures.flight
     assert run.figures.clearance > 0.3
     assert_thrown(run.trace.t[flight], run.trace.points["com"][flight], SLOPE)
