@@ -19,7 +19,7 @@ PNG = b"\x89PNG"
 SMALLER = {  # sizes for a test: the same cells on fewer legs, hops and orders
     "draws=60, evaluations=1, starts=2": "draws=4, evaluations=1, starts=1, share=0.5, confidence=0.5",
     ".why()": ".why(orders=1)", "hops=12": "hops=3", "starts=2": "starts=1", "starts=3": "starts=1",
-    '"60,80,98,100,102,120,140"': '"80,98,100,102"',
+    '"60,80,98,100,102,120,140"': '"80,98,100,102"', "(0.4, 0.8, 1.2, 1.6)": "(0.8, 1.6)",
 }  # fmt: skip
 
 
@@ -80,6 +80,7 @@ STUDIES = (
     "04",
     "06",
     "07",
+    "09",
 )  # what they run is tried by the tests of comparisons, sweeps, co-design, hops after each other and robust plans
 RUNS = [  # the longest first, beside the others
     pytest.param(path, marks=[pytest.mark.rarely] if path.stem[:2] in STUDIES else [], id=path.stem)

@@ -34,6 +34,10 @@ def test_pairs_are_motors_with_gears_that_are_sold_alone_and_modules_with_their_
     assert "cubemars-ak80-64" in found
     assert not any("with cubemars" in name for name in found)
     assert all(p.mass is None or p.mass > 0 for p in pairs(catalogue()))
+    some = pairs(catalogue(), ["mini-cheetah", "csf-25-*"])
+    assert {p.name for p in some} == {"mini-cheetah", "mini-cheetah with csf-25-50"}
+    with pytest.raises(UsageError, match=r"--only csf-9\*: no motor or gear is called so"):
+        pairs(catalogue(), ["csf-9*"])
 
 
 def test_the_body_carries_what_new_drives_weigh_more(tmp_path: Path) -> None:

@@ -87,6 +87,7 @@ def choose(
     clearance: float,
     *,
     joints: Sequence[str] | None = None,
+    only: Sequence[str] | None = None,
     legs: int = 1,
     by: str = "mass",
     verify: int = 3,
@@ -104,6 +105,7 @@ def choose(
     problem: a problem, its name or file
     clearance: what the hop must clear [m]
     joints: whose drives are chosen, with one pair; the others keep theirs (None: all)
+    only: names of motors and gears that are tried, or patterns such as "csf-*" (None: all)
     legs: of the robot whose body the leg carries, with the drives of all of them
     by: mass, price, energy or peak-power
     verify: how many of the first are solved and verified in full; the others are preliminary
@@ -119,7 +121,7 @@ def choose(
     if results is None and resume is None:
         results = tempfile.mkdtemp(prefix="hopopt-")
     found = chosen(
-        as_design(problem), clearance, joints=joints, legs=legs, by=by, verify=verify, present_mass=present_mass,
+        as_design(problem), clearance, joints=joints, only=only, legs=legs, by=by, verify=verify, present_mass=present_mass,
         entries=entries, starts=starts, processes=processes, scheduler=scheduler, results=Path(results or "."),
         resume=None if resume is None else Path(resume), progress=told(progress),
     )  # fmt: skip

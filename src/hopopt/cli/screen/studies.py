@@ -169,7 +169,8 @@ def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
     )
     solved = [c for c in found.candidates if c.clearance is not None]
     preliminary = sum(c.verified is None for c in solved)
-    yield f"{len(found.candidates)} pairs: {len(solved)} solved, {preliminary} of them preliminary (first mesh alone, not verified)"
+    pairs = f"{len(found.candidates)} pair{'s' * (len(found.candidates) != 1)}"
+    yield f"{pairs}: {len(solved)} solved, {preliminary} of them preliminary (first mesh alone, not verified)"
     unsure = {key for c in found.clearing for key in c.pair.unverified}
     if unsure:
         yield f"those marked rest on numbers that no source confirms ({', '.join(sorted(unsure))}): hopopt actuators"
@@ -182,7 +183,9 @@ def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
 
 def _why(c: Candidate) -> str:
     """Why a pair does not clear."""
-    if c.outcome in (WEAK, UNWEIGHED):
+    if c.outcome == UNWEIGHED:
+        return f"{c.outcome}: a catalogue of your own may give it"
+    if c.outcome == WEAK:
         return c.outcome
     if c.outcome == DROPPED:
         return f"{c.outcome}: power over the longest stance, or speed, lifts it no higher"

@@ -18,6 +18,7 @@ def choose(
     *,
     clearance: float,
     joints: str | None = None,
+    only: str | None = None,
     legs: int = 1,
     by: str = "mass",
     verify: int = 3,
@@ -47,6 +48,8 @@ def choose(
         What the hop must clear [m].
     joints
         Joints whose drives are chosen, such as knee or hip,knee; the others keep theirs (default: all).
+    only
+        Motors and gears that are tried, by names or patterns such as "maxon-ec60*,csf-*" (default: all).
     legs
         Legs of the robot whose body this leg carries: so many times one leg's drives weigh on it.
     by
@@ -73,11 +76,11 @@ def choose(
     if write is not None:
         check_new(write)
     folders = [] if resume is None else [resume]
-    listed = None if joints is None else [name.strip() for name in joints.split(",")]
+    listed, names = (None if text is None else [name.strip() for name in text.split(",")] for text in (joints, only))
     try:
         with progress(json_) as say:
             found = chosen(
-                design, clearance, joints=listed, legs=legs, by=by, verify=verify, present_mass=present_mass, starts=starts,
+                design, clearance, joints=listed, only=names, legs=legs, by=by, verify=verify, present_mass=present_mass, starts=starts,
                 processes=processes, scheduler=scheduler, results=results, resume=resume, progress=say,
                 opened=folders.append, entries=catalogue_of(problem or "paper", set_ or ()),
             )  # fmt: skip

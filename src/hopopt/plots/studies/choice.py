@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from hopopt.plots.hop import FORMATS
 from hopopt.plots.style import BLACK, COLOR, DPI, GREEN, GREY, SMALL, called_after, describe, legend, new_figure
-from hopopt.studies.choose.choice import ORDERS, Choice
+from hopopt.studies.choose.choice import CLEARS, ORDERS, Choice
 
 BLUE = next(iter(COLOR.values()))
 LOOKS = {  # of a clearance that is verified and of one that is preliminary
@@ -34,7 +34,7 @@ def figure(found: Choice, against: str = "mass") -> Figure:
         if chosen:
             x, y = [size(c) or 0.0 for c in chosen], [c.clearance or 0.0 for c in chosen]
             ax.plot(x, y, ls="none", label=label, zorder=3, **look)
-    named = {c.pair.name: c for c in front}
+    named = {c.pair.name: c for c in front if c.outcome == CLEARS or not found.clearing}
     middle = sum(ax.get_xlim()) / 2
     for name, c in named.items():
         place = size(c) or 0.0

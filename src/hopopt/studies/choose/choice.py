@@ -62,7 +62,7 @@ class Candidate:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {**asdict(self), "name": self.pair.name, "state": self.state}
+        return {**asdict(self), "name": self.pair.name, "clearance": self.clearance, "state": self.state}
 
 
 @dataclass(frozen=True, repr=False)

@@ -7,6 +7,7 @@ The drives sit at the body, as the entry leg.body.mass counts them: it changes b
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Any
 
 from hopopt.design import Design, Leg, physical_parameters
@@ -65,8 +66,17 @@ class Pair:
         return self.motor, found[1] if found and not self.module else self.gear
 
 
-def pairs(entries: Mapping[str, Entry]) -> list[Pair]:
-    """Every motor with every gear that it can be bought with."""
+def pairs(entries: Mapping[str, Entry], only: Sequence[str] | None = None) -> list[Pair]:
+    """Every motor with every gear that it can be bought with, or those whose names match patterns such as "csf-*".
+
+    UsageError for a pattern that none matches.
+    """
+    for pattern in only or ():
+        if not any(fnmatchcase(name, pattern) for name in entries):
+            near = did_you_mean(pattern, entries)
+            raise UsageError(f"--only {pattern}: no motor or gear is called so{near}: hopopt actuators lists them")
+    if only is not None:
+        entries = {name: e for name, e in entries.items() if any(fnmatchcase(name, pattern) for pattern in only)}
     motors, geared = with_part("motor", entries), with_part("gear", entries)
     gears = [e for name, e in geared.items() if name not in motors]
     modules = [_pair(e, e) for name, e in motors.items() if name in geared]

@@ -40,6 +40,7 @@ def choose(
     clearance: float,
     *,
     joints: Sequence[str] | None = None,
+    only: Sequence[str] | None = None,
     legs: int = 1,
     by: str = "mass",
     verify: int = 3,
@@ -55,7 +56,7 @@ def choose(
 ) -> Choice:
     """Every pair of motor and gear that lifts the leg's lowest point by a clearance [m], sorted.
 
-    joints: whose drives are chosen (None: all, with one pair); legs: of the robot, whose drives the body carries
+    only: patterns of the names of motors and gears (None: all); joints: whose drives are chosen (None: all, with one pair); legs: of the robot, whose drives the body carries
     by: mass, price, energy or peak-power; verify: how many of the first are verified in full
     present_mass: of the present drives of one leg [kg]; entries: the catalogue, if it is another
 
@@ -70,7 +71,7 @@ def choose(
     if verify < 0:
         raise UsageError(f"--verify {verify}: it must be at least 0")
     chosen = drives(design, joints, legs, present_mass, known)
-    before = [_before(chosen, pair, clearance, known) for pair in pairs(known)]
+    before = [_before(chosen, pair, clearance, known) for pair in pairs(known, only)]
     left = [c for c in before if not c.outcome]
     done = tuple(c for c in before if c.outcome)
     if not left:
@@ -134,7 +135,7 @@ def _solved(
     for k, p in enumerate(found.points):
         if p.verified and p.clearance_m is not None:
             outcome = outcome_of(p.clearance_m, wish, True)
-            lacks = "" if outcome == choice.CLEARS else known[k].lacks
+            lacks = "" if outcome == choice.CLEARS else known[k].lacks or "mass"
             known[k] = replace(known[k], verified=p.clearance_m, outcome=outcome, lacks=lacks)
         elif not isinstance(p, MapPoint):
             known[k] = replace(known[k], sentence=f"{p.outcome}: {p.sentence}")
@@ -158,7 +159,7 @@ def _mapped(definition: Definition, c: Candidate, p: MapPoint, x: np.ndarray | N
     outcome = outcome_of(p.objective_value, wish, False)
     return replace(
         c, outcome=outcome, preliminary=p.objective_value, energy=seen.energy, peak_power=seen.peak_power,
-        lacks=seen.exhausted or "mass",
+        lacks="" if outcome == choice.CLEARS else seen.exhausted or "mass",
     )  # fmt: skip
 
 
