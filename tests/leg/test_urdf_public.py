@@ -65,3 +65,18 @@ def test_foot_and_torques_are_those_of_the_whole_robot(name: str, tmp_path: Path
         )
         mine = pin.rnea(own.model, own.model.createData(), np.concatenate([np.zeros(BASE), q_j]), *rates)
         np.testing.assert_allclose(mine[BASE:], pin.rnea(model, data, q, v, a)[at], rtol=1e-8, atol=1e-8)
+
+
+def test_the_first_problem_of_the_page_is_one_whole(tmp_path: Path) -> None:
+    """A leg that four share, with its robot's mass and the solids of its file."""
+    try:
+        robots = Path(str(distribution(ROBOTS).locate_file("cmeel.prefix/share/example-robot-data/robots")))
+    except PackageNotFoundError:  # pragma: no cover
+        pytest.skip("example-robot-data is not installed")
+    page = (Path(__file__).parents[2] / "docs" / "own_leg.md").read_text(encoding="utf-8")
+    (tmp_path / "m.toml").write_text(page.split("```toml\n")[1].split("```")[0])
+    leg = load(tmp_path / "m.toml").leg
+    whole = pin.buildModelFromXML((robots / "a1_description/urdf/a1.urdf").read_text(), pin.JointModelFreeFlyer())
+    own = leg.body.mass + sum(link.mass for link in leg.link.values())
+    assert 4 * own == pytest.approx(pin.computeTotalMass(whole), rel=1e-12)
+    assert leg.body.shapes

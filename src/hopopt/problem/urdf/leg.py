@@ -86,7 +86,9 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
     kind = next((kind for kind in KINDS if kind in given), None)
     if kind is None:
         for name in given:
-            report.add(f"leg.{name}", "has a meaning only beside leg.urdf: give the URDF too, or take it out")
+            report.add(
+                f"leg.{name}", "has a meaning only beside leg.urdf or leg.mjcf: give one of them too, or take it out"
+            )
         return {**data, "leg": rest}
     if not _usable(kind, given, rest, report):
         return {**data, "leg": rest}
