@@ -34,6 +34,7 @@ ROBOT = """
   <worldbody>
     <geom type="plane" size="1 1 1"/>
     <body name="ball" pos="1 0 0"><freejoint/><inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/></body>
+    <frame euler="0 7 20">
     <body name="trunk" pos="0 0 0.5" childclass="leg">
       <freejoint name="base"/>
       <inertial pos="0 0 0.02" mass="4" diaginertia="0.04 0.05 0.06"/>
@@ -57,6 +58,7 @@ ROBOT = """
         </body>
       </frame>
     </body>
+    </frame>
   </worldbody>
   <actuator>
     <motor name="m_haa" joint="haa"/>

@@ -49,18 +49,12 @@ def read_mjcf(raw: bytes, joints: Sequence[str]) -> tuple[ET.Element, dict[str, 
         if element.tag in NOT_READ:
             raise UrdfError(f"has <{element.tag}>, which leads elsewhere: {FLAT}")
     made = _Robot(root, joints)
-    made.add(_top(root, joints[0]))
+    made.add()
     for rod, other in made.coupled():
         if rod in made.joints:
             ET.SubElement(made.joints[rod], "mimic", joint=other)
     made.refuse_loops(joints[0])
     return made.urdf, made.drives
-
-
-def _top(root: ET.Element, joint: str) -> list[ET.Element]:
-    """The bodies of the world, or only that one which has the joint: what else lies about is no part of the robot."""
-    bodies = root.findall("worldbody/body") + root.findall("worldbody/frame//body")
-    return [b for b in bodies if any(j.get("name") == joint for j in b.iter("joint"))][:1] or bodies
 
 
 class _Robot:
@@ -74,10 +68,10 @@ class _Robot:
         self.efforts = self._efforts()
         self._link(WORLD)
 
-    def add(self, bodies: list[ET.Element]) -> None:
-        """The bodies and all within them."""
-        still = Placement.Identity()
-        todo = [(body, WORLD, still, body.get("childclass", "main")) for body in reversed(bodies)]
+    def add(self) -> None:
+        """The robot's bodies with all within them, and the sites whose names no body has."""
+        todo = [(body, WORLD, at, kind) for body, at, kind in reversed(self._tops())]
+        sites = list[tuple[ET.Element, str, Placement, str]]()
         while todo:
             body, parent, frame, inherited = todo.pop()
             inherited = body.get("childclass", inherited)
@@ -85,14 +79,20 @@ class _Robot:
             inside = list(self._inside(body, inherited))
             self._hang(parent, name, frame * self.compiler.placement(body.attrib, where), inside, where)
             self._link(name, self._inertial(body, inside, where))
-            for element, at, kind in inside:
-                if element.tag == "site" and (site := element.get("name")) and site not in self.above:
-                    given = self.defaults.attributes(element, kind)
-                    self._link(site)
-                    self._joint(
-                        f"site {site}", "fixed", name, site, at * self.compiler.placement(given, f"site {quoted(site)}")
-                    )
+            sites += [(e, name, at, kind) for e, at, kind in inside if e.tag == "site"]
             todo += [(e, name, at, kind) for e, at, kind in reversed(inside) if e.tag == "body"]
+        for element, body, at, kind in sites:
+            if (site := element.get("name")) and site not in self.above:
+                given, where = self.defaults.attributes(element, kind), f"site {quoted(site)}"
+                self._link(site)
+                self._joint(where, "fixed", body, site, at * self.compiler.placement(given, where))
+
+    def _tops(self) -> list[tuple[ET.Element, Placement, str]]:
+        """The bodies of the world, or only that one which has the leg: what else lies about is no part of the robot."""
+        of_world = (item for world in self.root.findall("worldbody") for item in self._inside(world, "main"))
+        bodies = [item for item in of_world if item[0].tag == "body"]
+        mine = [item for item in bodies if any(j.get("name") == self.chain[0] for j in item[0].iter("joint"))]
+        return mine[:1] or bodies
 
     def _inside(self, body: ET.Element, inherited: str) -> Iterator[tuple[ET.Element, Placement, str]]:
         """What lies in a body, with where its frames put it and the class it inherits."""
@@ -231,7 +231,7 @@ class _Robot:
     def _named(self, body: ET.Element) -> str:
         name = body.get("name") or f"body {len(self.above) + 1}"
         if name in self.above or name == WORLD:
-            raise UrdfError(f"has two bodies called {quoted(name)}, or a body called as a site")
+            raise UrdfError(f"has two bodies called {quoted(name)}, or one called world")
         return name
 
     def _link(self, name: str, inertial: ET.Element | None = None) -> None:

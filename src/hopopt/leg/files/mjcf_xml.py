@@ -70,6 +70,8 @@ class Compiler:
         said = {key: value for element in root.findall("compiler") for key, value in element.attrib.items()}
         if said.get("coordinate", "local") != "local" or said.get("inertiafromgeom", "auto") == "true":
             raise UrdfError(f"has a <compiler> with global coordinates or inertias from geoms: {FLAT}")
+        if next(iter(numbers(said, "settotalmass", "<compiler>")), 0.0) > 0:
+            raise UrdfError(f"has a <compiler> that sets the total mass: {FLAT}")
         order = said.get("eulerseq", "xyz")
         if len(order) != 3 or set(order.lower()) - set("xyz"):
             raise UrdfError(f"has <compiler eulerseq={quoted(order)}>: three letters of x, y and z are needed")
