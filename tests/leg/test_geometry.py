@@ -158,7 +158,7 @@ def test_geometry_of_a_urdf_is_that_of_pinocchio(tmp_path: Path) -> None:
 
 
 def errs(design: Design, count: int) -> None:
-    """The smooth distances err at random angles by no more than they state, where they are below NEAR."""
+    """The smooth distances err at random angles by no more than they state, where they are from 0 to NEAR."""
     found = clearances(design)
     assert found is not None
     true = Distances(design.leg, start_angles(design))
@@ -169,8 +169,8 @@ def errs(design: Design, count: int) -> None:
         k = design.leg.links.index(link.link)
         pairs = [pair for pair in true.pairs if true.solids[pair[1]].joint == k]
         least = found.level * np.tanh(true.all(angles, pairs).min(axis=1) / found.level)
-        off = np.abs(np.array(link.function(angles[:, : k + 1].T)).ravel() - least)
-        near = least < NEAR * found.reach
+        smooth = np.array(link.function(angles[:, : k + 1].T)).ravel()
+        off, near = np.abs(smooth - least), (smooth >= 0) & (smooth < NEAR * found.reach)
         assert off[near].max(initial=0.0) <= link.error
         assert near.sum() > 0.001 * count or not near.any()
     assert 0 < found.error < 0.01 * found.reach

@@ -41,7 +41,7 @@ class LinkClearance:
 
     link: its name
     function: of the angles (k + 1) [rad] of the joints down to its own: the levelled distance [m]
-    error: by how much it errs where that is less than NEAR, as a multiple of the largest error found [m]
+    error: by how much it errs where it is from 0 to NEAR, a multiple of the largest error found [m]
     """
 
     link: str
@@ -101,6 +101,16 @@ def margin_of(design: Design) -> float:
     """What the problem keeps between solids [m]."""
     given = design.hop.collision_margin
     return MARGIN * reach(design.leg) if given is None else given
+
+
+def kept(design: Design, links: Clearances, found: Distances) -> float:
+    """What a plan keeps [m]: the margin, or less where the hop starts nearer, by as much as smooth distances may err."""
+    start, margin, least = start_angles(design)[None], margin_of(design), [margin_of(design)]
+    for link in links.links:
+        k = design.leg.links.index(link.link)
+        at_start = float(found.all(start, [pair for pair in found.pairs if found.solids[pair[1]].joint == k]).min())
+        least += [max(at_start - 2 * link.error, 0.0)] if at_start < margin + 2 * link.error else []
+    return min(least)
 
 
 def _clearances(leg: Leg, found: Distances) -> Clearances:
@@ -177,7 +187,7 @@ def _of_link(
     function = _spline(link, axes, values.reshape(counts))
     drawn = low + (high - low) * spread(DRAWN, k + 1)
     smooth = np.array(function(drawn.T)).ravel()
-    near = np.flatnonzero(smooth < 1.2 * NEAR * levelled.reach)[:MEASURED]
+    near = np.flatnonzero((smooth >= 0) & (smooth < NEAR * levelled.reach))[:MEASURED]
     wrong = np.abs(level(drawn[near]) - smooth[near]).max(initial=0.0) if len(near) else 0.0
     return LinkClearance(link, function, SAFETY * float(wrong))
 

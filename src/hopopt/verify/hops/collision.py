@@ -7,7 +7,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.leg.geometry.distance import Distances
-from hopopt.leg.geometry.smooth import clearances, margin_of
+from hopopt.leg.geometry.smooth import clearances, kept
 from hopopt.leg.geometry.solids import has_shape
 from hopopt.leg.kinematics import reach, start_angles
 from hopopt.leg.robot import BASE
@@ -38,11 +38,6 @@ class Collision(Strict):
     error_m: float | None = if_any("by how much the smooth distance may err that the plan keeps it by [m]")
     left_out: tuple[str, ...] = if_any("neighbours at a joint that touch where the hop starts", default=())
 
-    @property
-    def kept(self) -> float:
-        """The least distance that is allowed [m]."""
-        return max(self.margin_m or 0.0, 0.0)
-
 
 def collision(design: Design, tables: Mapping[str, Table]) -> Collision | None:
     """How near the leg comes to the body or to itself; None for a leg without shapes, or whose solids never meet."""
@@ -66,7 +61,7 @@ def collision(design: Design, tables: Mapping[str, Table]) -> Collision | None:
     begin, end = t[k, [0, -1]]
     planned, margin = clearances(design), None
     if planned is not None:
-        margin = min(margin_of(design), float(found.all(start_angles(design)[None]).min()) - 2 * planned.error)
+        margin = kept(design, planned, found)
     return Collision(
         distance, found.names(found.pairs[pair]), float(begin + place * (end - begin)),
         margin_m=margin, error_m=planned and planned.error, left_out=tuple(" and ".join(found.names(pair)) for pair in found.left_out),
@@ -101,4 +96,4 @@ def collision_checks(design: Design, tables: Mapping[str, Table]) -> Iterator[Ch
     if found is not None:
         where = f"{' and '.join(found.between)} at {found.time_s:.4f} s"
         allowed = LIMIT * reach(design.leg)
-        yield Check("collision", max(found.kept - found.least_distance_m, 0.0), allowed, "m", where)
+        yield Check("collision", max((found.margin_m or 0.0) - found.least_distance_m, 0.0), allowed, "m", where)
