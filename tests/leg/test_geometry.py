@@ -12,10 +12,13 @@ from hopopt import load
 from hopopt.design import Design, Leg
 from hopopt.errors import UsageError
 from hopopt.leg.geometry.distance import Distances
-from hopopt.leg.geometry.smooth import NEAR, clearances
+from hopopt.leg.geometry.smooth import NEAR, clearances, margin_of
 from hopopt.leg.geometry.solids import Solid, lowest, outline, placed, solids
-from hopopt.leg.kinematics import start_angles
+from hopopt.leg.kinematics import joint_positions, start_angles, tucked
 from hopopt.leg.robot import build_robot
+from hopopt.ocp.guesses.posture import Posture
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.hops.collision import slack_of
 from hopopt.planner.solve import solve
 from hopopt.problem.render import resolved_toml
 from hopopt.sim.machine import Machine
@@ -212,3 +215,17 @@ def test_a_trunk_that_hangs_low_is_what_clears(tmp_path: Path) -> None:
     assert found.summary.verified
     assert found.summary.lowest_point in ("trunk", "foot")
     assert found.summary.clearance_m == pytest.approx(float(found.apex.q[0, 1]) - 0.33, abs=1e-9)
+
+
+def test_the_poses_that_starts_aim_at_are_clear(tmp_path: Path) -> None:
+    """A ball is planted where the foot of the paper's leg would be drawn up to: the guesses go elsewhere."""
+    free = load("paper")
+    pose, best = tucked(free.leg, free.hop.foot_window), Posture(Hop(free)).best()
+    for q in (pose, best):
+        x, _, z = joint_positions(free.leg, q)[-1].tolist()
+        ball = f"[leg.body.shapes.ball]\npoints = [[{x}, 0.0, {z}]]\nradius = 0.02\ncounts = false\n"
+        hop = Hop(paper_leg(tmp_path, f"[leg.shank]\nradius = 0.02\n{ball}"))
+        found = Distances(hop.leg, start_angles(hop.design))
+        aimed = tucked(hop.leg, free.hop.foot_window, slack_of(hop)) if q is pose else Posture(hop).best()
+        assert found.all(q[None]).min() < 0
+        assert found.all(aimed[None]).min() > 0.9 * margin_of(hop.design)

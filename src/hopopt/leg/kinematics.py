@@ -207,7 +207,7 @@ def start_fault(design: Design, solutions: list[np.ndarray]) -> str:
     return f"it needs joint angles {poses}, outside the limits ({limits})"
 
 
-def tucked(leg: Leg, window: float) -> np.ndarray:
+def tucked(leg: Leg, window: float, slack: Callable[[np.ndarray], np.ndarray] | None = None) -> np.ndarray:
     """Joint angles [rad] within the limits that lift the foot highest, within the
     foot window ``window`` [m] of the hip's plumb line (or nearest to it).
 
@@ -221,11 +221,13 @@ def tucked(leg: Leg, window: float) -> np.ndarray:
 
     def score(q: np.ndarray) -> np.ndarray:
         x, z = foot(q)
-        return z - WINDOW_PENALTY * np.maximum(np.abs(x) - window, 0.0)
+        inside = 0.0 if slack is None else np.maximum(-slack(q), 0.0)
+        return z - WINDOW_PENALTY * (np.maximum(np.abs(x) - window, 0.0) + inside)
 
     def room(q: np.ndarray) -> np.ndarray:
         x = foot(q)[0]
-        return np.concatenate([q - lower, upper - q, [window - x, window + x]])
+        clear = np.zeros(0) if slack is None else slack(q)
+        return np.concatenate([q - lower, upper - q, [window - x, window + x], clear])
 
     def refined(q: np.ndarray) -> np.ndarray:
         return minimize(lambda q: -foot(q)[1], q, method="SLSQP", constraints={"type": "ineq", "fun": room}).x

@@ -31,6 +31,7 @@ from hopopt.ocp.drives import with_drive_states
 from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.heat import heated
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.hops.collision import slack_of
 from hopopt.ocp.hops.landing import landing_guess
 from hopopt.ocp.hops.periodic import there_and_back
 from hopopt.ocp.hops.to_rest import push_backwards
@@ -223,7 +224,7 @@ def _flight_guess(hop: Hop, stance: Guess, pose: np.ndarray | None = None) -> Gu
     t = s * T
     blend = (s * s * (3 - 2 * s))[:, None]
     if pose is None:
-        pose = hop.problem.once("tucked", lambda: tucked(hop.leg, hop.design.hop.foot_window))
+        pose = hop.problem.once("tucked", lambda: tucked(hop.leg, hop.design.hop.foot_window, slack_of(hop)))
     q = stance.x[-1, :n] + (pose - stance.x[-1, :n]) * blend
     v = np.gradient(q, t, axis=0)
     place, speed = com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall

@@ -1,12 +1,14 @@
 """The leg keeps its distance from the body and from itself, by a smooth function of its angles (leg/geometry/smooth.py)."""
 
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 
 from hopopt.leg.geometry.smooth import clearances, margin_of
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.limit_id import Kind, LimitId
-from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.guesses.motion import FLIGHT, MovingLeg
 from hopopt.ocp.problem import Instant, PathConstraint
 
 COLLISION = LimitId(Kind.COLLISION, key="hop.collision_margin", unit="m")
@@ -34,3 +36,19 @@ def collision(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     ]
     labels = tuple(link.link for link in found.links)
     return (PathConstraint(COLLISION, value, least, scale=leg.reach, unit="m", labels=labels, smooth=False),)
+
+
+def slack(leg: MovingLeg, q: ca.SX) -> ca.SX:
+    """By how much each link is clear at joint angles q (n) [rad], beyond what a plan keeps [m]; no rows where nothing can be met."""
+    rows = [c.value(Instant(q=q)) - ca.DM(c.lower) for c in collision(leg, FLIGHT)]
+    return ca.vertcat(*rows) if rows else ca.SX.zeros(0)
+
+
+def slack_of(leg: MovingLeg) -> Callable[[np.ndarray], np.ndarray] | None:
+    """The least of these (k,) [m] of poses (k, n) [rad]; None where nothing can be met."""
+    q = ca.SX.sym("q", leg.n)
+    rows = slack(leg, q)
+    if not rows.numel():
+        return None
+    function = ca.Function("slack", [q], [ca.mmin(rows)])
+    return lambda poses: np.array(function(np.atleast_2d(poses).T)).ravel()
