@@ -21,6 +21,7 @@ from hopopt.nlp.refinement.mesh_refinement import (
     WORSE,
     Refinement,
 )
+from hopopt.nlp.refinement.mesh_step import change_of
 from hopopt.nlp.refinement.next_mesh import Aims, cut, equal, fitting, pieces_of
 from hopopt.nlp.refinement.tightening import limit_nodes, passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
@@ -301,5 +302,5 @@ def test_the_change_of_the_objective_is_that_before_limits_were_tightened() -> N
     """As refinement states it and hopopt verify computes it again: of the last two meshes, no limit tightened."""
     coarse, fine = {"move": 4}, {"move": 8}
     steps = [(coarse, 1.0, 0), (fine, 2.0, 0), (fine, 3.0, 1), (fine, 4.0, 2)]
-    assert refine.change_of(steps, 1e-9) == 0.5
-    assert refine.change_of(steps[:1], 1e-9) == np.inf
+    assert change_of(steps, 1e-9) == 0.5
+    assert change_of(steps[:1], 1e-9) == np.inf

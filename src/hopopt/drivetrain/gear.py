@@ -93,6 +93,11 @@ class Gear:
         return bool(np.all(self.efficiency == 1.0) and not lost)
 
     @property
+    def one_sided(self) -> Any:
+        """Whether its losses turn round with the speed: not those of viscous friction alone."""
+        return (self.efficiency != 1.0) | (self.friction != 0.0) | sum(bend != 0.0 for bend in self.bends)
+
+    @property
     def entries(self) -> tuple[Any, ...]:
         """Efficiency (at rest), friction, damping, and over which speed and torque they change smoothly."""
         return self.efficiency, self.friction, self.damping, self.slow, self.sharp

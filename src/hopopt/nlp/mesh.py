@@ -12,11 +12,13 @@ class PhaseMesh:
     """Interval edges as fractions of the phase, shape (N + 1,), 0 to 1, and free interior edges.
 
     Between the free edges (by index) lie arcs. An arc's intervals keep their proportions; its duration is a
-    decision, so that a switch of the controls can fall exactly on an edge.
+    decision, so that a switch of the controls can fall exactly on an edge. zeros: where not empty, which component of
+    the states is zero at each free edge.
     """
 
     edges: tuple[float, ...]
     free: tuple[int, ...] = ()
+    zeros: tuple[int, ...] = ()
 
     @property
     def intervals(self) -> int:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.drivetrain.dynamics import added_states
-from hopopt.drivetrain.gear import Gear, motor_torque
+from hopopt.drivetrain.gear import Gear, gears_of, motor_torque
 from hopopt.drivetrain.gear import lossy as lossy_gear
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, sag, share_at
@@ -39,6 +39,12 @@ def motor_torques(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX
         return ca.vertcat(*tau)
 
     return lambda s: s.once("motor torques", lambda: torques(s))
+
+
+def reversing_speeds(leg: MovingLeg) -> np.ndarray:
+    """Joint speeds (n) [rad/s] over which gears go from driving to braking; 0 where they lose nothing by that."""
+    gears = gears_of(leg.leg, leg.robot.parameters)
+    return np.where(gears.one_sided, gears.slow, 0.0)
 
 
 def asked(leg: MovingLeg, joint: str, motion: MotionAt) -> Callable[[Instant], ca.SX]:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.leg.limit_id import Kind, kind_of
-from hopopt.ocp.drives import with_drives
+from hopopt.ocp.drives import reversing_speeds, with_drives
 from hopopt.ocp.guesses.motion import FLIGHT as FLIGHT
 from hopopt.ocp.guesses.motion import STANCE as STANCE
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
@@ -78,7 +78,7 @@ def stance(leg: MovingLeg, q: Given = None, v: Given = None) -> LegPhase:
     names, (lower, upper) = leg.leg.joints, leg.limits
     states = (
         State("q", leg.n, lower, upper, 1.0, "rad", names, initial=q),
-        State("v", leg.n, scale=joint_speed(leg), unit="rad/s", labels=names, initial=v),
+        State("v", leg.n, scale=joint_speed(leg), unit="rad/s", labels=names, initial=v, sharp=reversing_speeds(leg)),
     )
     return _phase(
         leg, STANCE, states, _stance_controls(leg), lambda s: {"q": s.v, "v": leg.joint_acceleration(s)},
@@ -124,7 +124,7 @@ def flight(leg: MovingLeg) -> LegPhase:
         State("com", m, scale=length(leg), unit="m", labels=plane),
         State("com_v", m, scale=body_speed(leg), unit="m/s", labels=plane, initial=rises),
         State("q", leg.n, lower, upper, 1.0, "rad", names),
-        State("v", leg.n, scale=joint_speed(leg), unit="rad/s", labels=names),
+        State("v", leg.n, scale=joint_speed(leg), unit="rad/s", labels=names),  # torques hardly matter: none is sharp
     )
     prompt = tuple(name for k, name in enumerate(names) if k not in leg.drive_states.at)
     controls = (Control("a", len(prompt), scale=_acceleration(leg), unit="rad/s^2", labels=prompt),) if prompt else ()

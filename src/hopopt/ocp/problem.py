@@ -86,10 +86,12 @@ class Control(Variable):
 @dataclass(frozen=True)
 class State(Variable):
     """A state; ``initial`` and ``final`` are None (free), values (a number, list or array), or two lists or arrays
-    (lower, upper). TypeError for a tuple of numbers, which might be either."""
+    (lower, upper). sharp: over which range about zero what depends on it changes sharply, 0 where nothing does. TypeError
+    for a tuple of numbers, which might be either."""
 
     initial: Numbers | tuple[Numbers, Numbers] | None = None
     final: Numbers | tuple[Numbers, Numbers] | None = None
+    sharp: Numbers = 0.0
 
     def __post_init__(self) -> None:
         for given in (self.initial, self.final):

@@ -14,7 +14,8 @@ from typing import NamedTuple, TypeVar
 
 from hopopt.design import Design
 from hopopt.nlp.deadline import Deadline
-from hopopt.nlp.refinement.mesh_refinement import MET, UNSOLVED, relative
+from hopopt.nlp.refinement.mesh_refinement import MET, UNSOLVED
+from hopopt.nlp.refinement.mesh_step import relative
 from hopopt.ocp.hop import Hop
 
 TOLERANCE, PRICE_TOLERANCE = 1e-6, 1e-5  # a tenth and a fifth of the defaults

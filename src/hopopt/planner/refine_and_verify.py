@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement, Report
+from hopopt.nlp.refinement.mesh_refinement import Refinement
+from hopopt.nlp.refinement.mesh_step import MeshStep, Report
 from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Transcription

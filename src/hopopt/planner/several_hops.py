@@ -13,7 +13,8 @@ from hopopt.errors import NotSolvedError
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.mesh import uniform
-from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement
+from hopopt.nlp.refinement.mesh_refinement import Refinement
+from hopopt.nlp.refinement.mesh_step import MeshStep
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import FromTrajectory, PhaseTrajectory

@@ -9,7 +9,7 @@ from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.refinement.mesh_refinement import MeshStep, relative
+from hopopt.nlp.refinement.mesh_step import MeshStep, relative
 from hopopt.ocp.custom import custom
 from hopopt.ocp.guesses.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop

@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from hopopt.nlp.refinement.interval_errors import IntervalErrors
-from hopopt.nlp.refinement.mesh_refinement import change_of
+from hopopt.nlp.refinement.mesh_step import change_of
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.planner.answer.motion_figures import MotionFigures, Sampled

@@ -4,13 +4,13 @@ The loop; where intervals are cut says nlp/refinement/next_mesh.py. Where limits
 the nodes on the next mesh (nlp/refinement/continuous_limits.py). What still passes them is tightened. Programs with
 kinks of their own have accurate states first and limits tightened on the settled mesh. Where a control or a least
 number only bounds something from above, hulls make such kinks cost more. Schemes that collocate both ends of an interval,
-whose controls oscillate, hardly converge within them.
+whose controls oscillate, hardly converge within them. Where states have sharp zeros, meshes have free edges there
+(nlp/refinement/zeros.py); the last has none, and is solved as any other. Where that fails it begins again without.
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, Self
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from hopopt.nlp.refinement.continuous_limits import Chosen, Enforced, coming_close, enforcing, holds, nothing_enforced
 from hopopt.nlp.refinement.interval_errors import interval_errors
+from hopopt.nlp.refinement.mesh_step import MeshStep, Report, change_of, relative
 from hopopt.nlp.refinement.next_mesh import (
     Aims,
     Cuts,
@@ -31,18 +32,20 @@ from hopopt.nlp.refinement.next_mesh import (
     halved,
     next_cuts,
     pieces_of,
+    uncut,
 )
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
+from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, sharp_states, zeros
 from hopopt.nlp.solver.ipopt import CARRIED, GENTLE_OPTIONS, NEAR_OPTIONS, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
-from hopopt.record import Real, Strict, stated
 
 FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
 MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
 AGREED = 1e-4  # relative
 CARRIED_ITERATIONS = 60  # from carried multipliers
+AT_ZEROS = 4  # times as many where edges move
 LONGER = 5  # times as many before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
@@ -55,25 +58,6 @@ TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
 NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
 OUT_OF_TIME = "the time limit was reached"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
-
-
-@dataclass(frozen=True)
-class MeshStep(Strict):
-    """One solve of the refinement."""
-
-    intervals: Mapping[str, int] = stated("by phase")
-    held: int = stated("intervals in which limits are enforced between the nodes")
-    objective: Real = stated("[its unit]")
-    local_error: Real = stated("largest of any interval, scaled")
-    excess: Real = stated("largest share of its range by which a limit is passed between the nodes")
-    iterations: int = stated("of Ipopt")
-    build_seconds: float = stated("to build the program [s]")
-    solve_seconds: float = stated("to solve it [s]")
-    seconds: float = stated("in all [s]")
-    drawn_in: int = stated("how often limits were tightened on this mesh before")
-
-
-Report = Callable[[MeshStep], None]
 
 
 class Refinement:
@@ -94,12 +78,19 @@ class Refinement:
         between: bool | None = None,
     ):
         """``enforced``: limits that ``solution`` holds between the nodes already; ``between``: None: what suits it."""
-        self.aims, self.report, self.history = aims, report, list[MeshStep]()
+        self.aims, self.report, self._first = aims, report, (solution, enforced)
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
         self.between = holds(solution.transcription) if between is None else between
+        self._at_zeros = self.between and sharp_states(solution.transcription.problem)  # whether edges are set there
+        self._restarts_left = round(aims.restarts * aims.iterations)
+        self._begin()
+
+    def _begin(self) -> None:
+        """With the solution on the first mesh."""
+        solution, enforced = self._first
+        self.history = list[MeshStep]()
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh
-        self._restarts_left = round(aims.restarts * aims.iterations)
         self._accept(solution, 0.0, 0.0)
         # how far lower and upper limits are tightened, (2, N, limits), and the excess that was answered to, (N,)
         none = {n: np.zeros((2, len(e.local), len(e.limits))) for n, e in self.errors.items()}
@@ -108,8 +99,20 @@ class Refinement:
 
     def run(self) -> Self:
         """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
+        at_zeros = self._at_zeros
         self.ended = (self._enforcing() if self.between else self._tightening_at_the_end()) or self.ended
+        self._at_zeros = False
+        if self._with_zeros:
+            self.ended = self._solve_on(uncut(self._measured)) or self._enforcing() or USED_UP
+        if at_zeros and self.ended in (UNSOLVED, WORSE):
+            self._begin()
+            self.ended = self._enforcing() or USED_UP
         return self
+
+    @property
+    def _with_zeros(self) -> bool:
+        """Whether the last mesh has free edges at zeros."""
+        return any(mesh.zeros for mesh in self.solution.transcription.mesh.values())
 
     def further(self, aims: Aims) -> Self:
         """Another one that went on from where this ended, towards other aims; this stays as it is."""
@@ -184,14 +187,18 @@ class Refinement:
         """Solve on the next mesh, which may be the same, with limits enforced and tightened; why not, if that fails."""
         if (fewer := fitting(cuts, self._measured.urgency(self.aims), FINEST)) is None:
             return TOO_FINE
-        cuts, old, finer, began = fewer, self.solution, any_cut(fewer), time.perf_counter()
+        old, began, before = self.solution, time.perf_counter(), (self._enforced, self._tightened, self._answered)
+        passed_at = {name: zeros(old, name) if self._at_zeros else [] for name in fewer}
+        cuts = {name: cut_at_zeros(old.phases[name], times, passed_at[name]) for name, times in fewer.items()}
+        finer = any_cut(cuts) or (self._with_zeros and not self._at_zeros)
         if self.between:
             self._enforce_and_tighten(cuts)
         if self.aims.until.passed:
             return OUT_OF_TIME
         t = old.transcription
         if finer:
-            t = Transcription(t.problem, t.scheme, {name: cut(old, name, times) for name, times in cuts.items()})
+            mesh = {name: free_at_zeros(cut(old, name, times), passed_at[name]) for name, times in cuts.items()}
+            t = Transcription(t.problem, t.scheme, mesh)
         if self._program is None or not self._program.is_of(t, self._enforced):
             self._program = enforcing(t, self._enforced)
         enforced = self._program
@@ -202,6 +209,7 @@ class Refinement:
         built = time.perf_counter()
         solved = self._solved(solver, guess, free, (enforced.multipliers(lam_g), lam_x), bounds)
         if (found := self._believable(solved)) is None:
+            self._enforced, self._tightened, self._answered = before
             return OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
         self._accept(enforced.at_nodes(found), built - began, time.perf_counter() - built)
         return ""
@@ -271,7 +279,10 @@ class Refinement:
             self._accept(found, 0.0, time.perf_counter() - began, k + 1)
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
-        patience = CARRIED_ITERATIONS * (LONGER if self.aims.restarts else 1)  # from the point alone it takes hundreds
+        patience = CARRIED_ITERATIONS * (AT_ZEROS if self._at_zeros else 1)
+        patience = (
+            patience if not self.aims.restarts else CARRIED_ITERATIONS * LONGER
+        )  # from the point alone it takes hundreds
         most = {"ipopt.max_iter": min(patience, self.aims.iterations)}
         return NlpSolver(t, {**known, **most}, until=self.aims.until)
 
@@ -285,16 +296,3 @@ class Refinement:
         seconds = build_seconds, solve_seconds, self.clock - began
         self.history.append(MeshStep(sizes, enforced, s.objective, local, excess, s.iterations, *seconds, drawn_in))
         self.report(self.history[-1])
-
-
-def change_of(steps: Sequence[tuple[Mapping[str, int], float, int]], least: float) -> float:
-    """Relative change of the objective with the last mesh, from (intervals by phase, objective, how often limits were
-    tightened) of every solve: of those with none tightened; infinite after one mesh."""
-    plain = [(sizes, objective) for sizes, objective, tightened in steps if not tightened]
-    before = [objective for sizes, objective in plain if sizes != plain[-1][0]]
-    return relative(plain[-1][1], before[-1], least) if before else float("inf")
-
-
-def relative(a: float, b: float, least: float = 1e-9) -> float:
-    """|a - b| relative to |a|, or to what that is at least."""
-    return abs(a - b) / max(abs(a), least)

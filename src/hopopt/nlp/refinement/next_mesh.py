@@ -163,6 +163,11 @@ def cuts_of_what_is_wrong(m: Measured, aims: Aims) -> Cuts:
     return {name: equal(np.where(on, AT_ONCE, 1)) for name, on in wrong.items()}
 
 
+def uncut(m: Measured) -> Cuts:
+    """Every interval as it is."""
+    return {name: equal(np.ones(len(e.local), dtype=int)) for name, e in m.errors.items()}
+
+
 def halved(m: Measured) -> Cuts:
     """Every interval in two."""
     return {name: equal(np.full(len(e.local), 2)) for name, e in m.errors.items()}
@@ -211,9 +216,10 @@ def fitting(cuts: Cuts, urgency: Mapping[str, np.ndarray], most: int) -> Cuts | 
 
 
 def cut(solution: NlpSolution, phase: str, normalised_times: list[np.ndarray]) -> PhaseMesh:
-    """Every interval of a phase cut at its normalised times (0 to 1)."""
+    """Every interval of a phase cut at its normalised times (0 to 1); edges that are free at zeros are so no more."""
     trajectory, first = solution.phases[phase], np.concatenate([[0], np.cumsum(pieces_of(normalised_times))])
     t = trajectory.edges / trajectory.duration
     edges = [t[k] + (t[k + 1] - t[k]) * np.concatenate([[0.0], p]) for k, p in enumerate(normalised_times)]
-    free = tuple(int(first[k]) for k in solution.transcription.mesh[phase].free)
+    old = solution.transcription.mesh[phase]
+    free = () if old.zeros else tuple(int(first[k]) for k in old.free)
     return PhaseMesh((*np.concatenate(edges).tolist(), 1.0), free)

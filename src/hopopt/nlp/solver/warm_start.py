@@ -5,18 +5,20 @@ densities in time times the weights of their nodes: both are functions of time, 
 (Betts, Practical Methods for Optimal Control, 4.11: adjoint estimates from the multipliers.)
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from hopopt.nlp.layout import PhaseLayout
 from hopopt.nlp.solver.ipopt import NlpSolution
-from hopopt.nlp.transcription import Transcription
+from hopopt.nlp.transcription import Rows, Transcription
 
 
 def carried(old: NlpSolution, t: Transcription) -> tuple[np.ndarray, np.ndarray]:
     """lam_g and lam_x for program ``t``, of the same problem and scheme, from a solution on another mesh."""
     lam_g, lam_x = np.zeros(len(t.lbg)), np.zeros(len(t.scale))
     lam_x[t.parameters] = old.lam_x[old.transcription.parameters]
-    for before, now in zip(old.transcription.rows, t.rows, strict=True):
+    for before, now in _same_rows(old.transcription, t):
         lam = old.lam_g[before.start : before.stop]
         if now.phase and now.kind != "duration":
             a, b = old.transcription.layouts[now.phase], t.layouts[now.phase]
@@ -25,7 +27,8 @@ def carried(old: NlpSolution, t: Transcription) -> tuple[np.ndarray, np.ndarray]
         lam_g[now.start : now.stop] = lam.ravel()
     for name, layout in t.layouts.items():
         a, before, now = old.transcription.layouts[name], old.transcription.variables[name], t.variables[name]
-        lam_x[now.durations] = old.lam_x[before.durations]
+        if a.mesh.arcs == layout.mesh.arcs:
+            lam_x[now.durations] = old.lam_x[before.durations]
         u = old.lam_x[before.u].reshape(*a.controls_of.shape, -1)
         lam_x[now.u] = _densities(a, layout, u).ravel() if u.size else []
         x = old.lam_x[before.x].reshape(a.state_nodes, -1)
@@ -33,6 +36,14 @@ def carried(old: NlpSolution, t: Transcription) -> tuple[np.ndarray, np.ndarray]
         inner[-1] = x[-1]
         lam_x[now.x] = np.concatenate([x[:1], inner]).ravel()
     return lam_g, lam_x
+
+
+def _same_rows(old: Transcription, t: Transcription) -> Iterator[tuple[Rows, Rows]]:
+    """Rows of both programs: of a phase that has several arcs in one alone its duration is a row there alone."""
+    arcs = [{name for name, mesh in each.mesh.items() if mesh.arcs > 1} for each in (old, t)]
+    alone = arcs[0] ^ arcs[1]
+    both = ([r for r in each.rows if r.kind != "duration" or r.phase not in alone] for each in (old, t))
+    return zip(*both, strict=True)
 
 
 def _costates(a: PhaseLayout, b: PhaseLayout, lam: np.ndarray) -> np.ndarray:

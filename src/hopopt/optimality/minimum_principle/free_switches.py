@@ -16,7 +16,8 @@ from hopopt.nlp.deadline import Deadline
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.refinement.continuous_limits import Chosen, enforcing, holds, nothing_enforced
 from hopopt.nlp.refinement.interval_errors import IntervalErrors, interval_errors
-from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement, Report, relative
+from hopopt.nlp.refinement.mesh_refinement import Refinement
+from hopopt.nlp.refinement.mesh_step import MeshStep, Report, relative
 from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory

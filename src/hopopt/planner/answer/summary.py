@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hopopt.extensions import Extension
-from hopopt.nlp.refinement.mesh_refinement import MeshStep
+from hopopt.nlp.refinement.mesh_step import MeshStep
 from hopopt.optimality.directions.flat_directions import Flat
 from hopopt.optimality.second_order import Curvature
 from hopopt.planner.answer.extras import (

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 
-from hopopt.nlp.refinement.mesh_refinement import Refinement, Report
+from hopopt.nlp.refinement.mesh_refinement import Refinement
+from hopopt.nlp.refinement.mesh_step import Report
 from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.solver.ipopt import GENTLE_OPTIONS, NlpSolution, NlpSolver
 from hopopt.nlp.solver.known_optima import Known, KnownOptima

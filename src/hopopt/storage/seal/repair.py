@@ -7,7 +7,7 @@ meshes, times; and the motion itself. Where such an entry was changed, nothing i
 from collections.abc import Sequence
 
 from hopopt.errors import ResultError
-from hopopt.nlp.refinement.mesh_refinement import change_of
+from hopopt.nlp.refinement.mesh_step import change_of
 from hopopt.planner.answer.program_figures import FigureSource, figures
 from hopopt.planner.answer.summary import VERSION
 from hopopt.planner.checks.judge import judge

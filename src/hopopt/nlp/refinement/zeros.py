@@ -1,0 +1,109 @@
+"""Mesh edges at the instants at which a state passes zero, where what depends on it changes sharply.
+
+Within an interval such a change is no polynomial: limits are passed there, and where it falls between the nodes decides
+how much. So an edge is set at each zero and is free: the state is zero there, whenever that is. Intervals beside it are as
+short as the change asks for. Where a state passes zero no more, its edge is one like any other on the next mesh.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.solver.ipopt import NlpSolution
+from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.ocp.problem import Problem
+
+SAMPLES = 33  # in each interval, where zeros are looked for
+BEYOND = 2.0  # times the range of the sharp change, which a state must leave on both sides
+APART = 0.01  # share of the phase: nearer to another, or to an end, a zero's edge is not free
+GRADES = (0.0, 1.0, 2.0, 4.0, 8.0)  # edges beside a zero, by how long the state takes through the range
+LONG = 1.5  # times as long as it is to be: a longer interval is cut
+SAME = 0.35  # share of what an interval is to be, by which another edge may be away
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Where a state passes zero, and how long it takes through the range of its sharp change, as shares of the phase."""
+
+    place: float
+    component: int
+    width: float
+
+
+def sharp_states(problem: Problem) -> bool:
+    """Whether anything changes sharply where a state of the problem is zero."""
+    return any(phase.columns(phase.states, "sharp").any() for phase in problem.phases)
+
+
+def zeros(solution: NlpSolution, phase: str) -> list[Zero]:
+    """All of a phase that are passed from well below to well above, or the other way, or stand at its ends, in order of time."""
+    layout, trajectory = solution.transcription.layouts[phase], solution.phases[phase]
+    sharp = layout.phase.columns(layout.phase.states, "sharp")
+    t, x, _ = trajectory.everywhere(np.linspace(0.0, 1.0, SAMPLES))
+    place = t.ravel() / trajectory.duration
+    found = [zero for k in np.flatnonzero(sharp) for zero in _passed(place, x[:, :, k].ravel(), int(k), sharp[k])]
+    return sorted(found, key=lambda zero: zero.place)
+
+
+def _passed(t: np.ndarray, x: np.ndarray, component: int, sharp: float) -> Iterator[Zero]:
+    """Those of one component, from its values x at times t, as shares of the phase."""
+    beyond = np.flatnonzero(np.abs(x) > BEYOND * sharp)
+    for end, first in ((0, beyond[:1]), (-1, beyond[-1:])):
+        if abs(x[end]) < sharp and first.size:  # it begins or ends there
+            slope = (np.abs(x[first[0]]) - abs(x[end])) / max(abs(t[first[0]] - t[end]), 1e-300)
+            yield Zero(float(t[end]), component, float(sharp / slope))
+    for a, b in pairwise(beyond):
+        if x[a] * x[b] > 0:
+            continue
+        inside = slice(a, b + 1)
+        ts, xs = t[inside], np.sign(x[b]) * x[inside]
+        last = int(np.flatnonzero(xs <= 0)[-1])  # the last that is not yet on the other side
+        rise = xs[last + 1] - xs[last]
+        at = ts[last] - xs[last] / rise * (ts[last + 1] - ts[last])
+        slope = (xs[-1] - xs[0]) / max(ts[-1] - ts[0], 1e-300)
+        yield Zero(float(at), component, float(sharp / slope))
+
+
+def cut_at_zeros(p: PhaseTrajectory, normalised_times: list[np.ndarray], passed: Sequence[Zero]) -> list[np.ndarray]:
+    """The normalised times at which each interval of a phase is to be cut, with those that its zeros ask for."""
+    if not passed:
+        return normalised_times
+    edges = p.edges / p.duration
+    cuts = np.concatenate([a + (b - a) * s for (a, b), s in zip(pairwise(edges), normalised_times, strict=True)])
+    for zero in passed:
+        for offset, length in _beside(zero.width):
+            cuts = _with(edges, cuts, zero.place + offset, length)
+    return [(np.sort(cuts[(cuts > a) & (cuts < b)]) - a) / (b - a) for a, b in pairwise(edges)]
+
+
+def _beside(width: float) -> Iterator[tuple[float, float]]:
+    """Where edges are wanted about a zero, and how long the intervals there are to be."""
+    yield 0.0, width
+    for near, far in pairwise(GRADES):
+        yield from ((side * far * width, (far - near) * width) for side in (-1, 1))
+
+
+def _with(edges: np.ndarray, cuts: np.ndarray, place: float, length: float) -> np.ndarray:
+    """The cuts with one more at ``place``, in place of those close by; as they are where an edge is close, or none is needed."""
+    here = np.sort(np.concatenate([edges, cuts]))
+    k = int(np.clip(np.searchsorted(here, place), 1, len(here) - 1))
+    fine = here[k] - here[k - 1] <= LONG * length
+    if not 0.0 < place < 1.0 or fine or np.abs(edges - place).min() < SAME * length:
+        return cuts
+    return np.append(cuts[np.abs(cuts - place) >= SAME * length], place)
+
+
+def free_at_zeros(mesh: PhaseMesh, passed: Sequence[Zero]) -> PhaseMesh:
+    """The mesh with its edges at zeros free, those far enough from each other and from its ends."""
+    if not passed:
+        return mesh
+    edges, free, components = np.array(mesh.edges), list[int](), list[int]()
+    for zero in passed:
+        k = int(np.argmin(np.abs(edges - zero.place)))
+        if min(edges[k] - edges[free[-1] if free else 0], 1 - edges[k]) >= APART:
+            free.append(k)
+            components.append(zero.component)
+    return PhaseMesh(mesh.edges, tuple(free), tuple(components))

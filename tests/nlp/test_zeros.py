@@ -1,0 +1,85 @@
+"""Edges at zeros of a state, on a mass that sharp friction brakes, against its closed form."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hopopt.nlp.mesh import PhaseMesh, uniform
+from hopopt.nlp.refinement.mesh_refinement import MET, Refinement
+from hopopt.nlp.refinement.next_mesh import Aims, any_cut, cut, equal
+from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, sharp_states, zeros
+from hopopt.nlp.schemes import radau
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.guesses.guess import Guess
+from hopopt.ocp.problem import Control, Ends, Instant, Objective, PathConstraint, Phase, Problem, State
+
+SHARP, RUB = 0.01, 0.5
+AIMS = Aims(1e-6, 1e-5, 1e-5, 1e-4, 8, 500)
+
+
+def there_and_back(sharp: float = SHARP) -> Problem:
+    """From speed 1 to the highest speed backwards within 1 s: a motor of force at most 2 against dry friction of 0.5.
+
+    The motor brakes with 2 and friction helps, 2.5 until the mass stands at 0.4 s; then 1.5 are left, up to speed -0.9.
+    """
+
+    def friction(v: ca.SX) -> ca.SX:
+        return RUB * v / (v**4 + SHARP**4) ** 0.25
+
+    def force(s: Instant) -> ca.SX:
+        return s.a + friction(s.v)
+
+    phase = Phase(
+        "way", (State("v", initial=1.0, sharp=sharp),), (Control("a", scale=2.0),), lambda s: {"v": s.a}, (1.0, 1.0),
+        (PathConstraint("force", force, -2.0, 2.0, 2.0),),
+    )  # fmt: skip
+
+    def speed(e: Ends) -> ca.SX:
+        return e.final["way"].v
+
+    return Problem("there and back", (phase,), Objective("speed", speed))
+
+
+def solved(problem: Problem, mesh: PhaseMesh) -> NlpSolution:
+    t = Transcription(problem, radau(3), {"way": mesh})
+    guess = Guess(1.0, np.array([0.0, 1.0]), np.array([[1.0], [-1.0]]), np.full((2, 1), -2.0))
+    found = NlpSolver(t)({"way": guess})
+    assert found.success
+    return found
+
+
+def test_edges_stand_where_the_speed_is_zero_and_move_with_it() -> None:
+    problem = there_and_back()
+    coarse = solved(problem, uniform(7))
+    (zero,) = zeros(coarse, "way")
+    assert zero.place == pytest.approx(0.4, abs=0.03)
+    assert zero.width == pytest.approx(SHARP / 2.0, rel=0.3)
+    cuts = cut_at_zeros(coarse.phases["way"], equal(np.ones(7, dtype=int)), [zero])
+    mesh = free_at_zeros(cut(coarse, "way", cuts), [zero])
+    (edge,) = mesh.free
+    assert mesh.edges[edge] == pytest.approx(zero.place, abs=1e-9)
+    lengths = np.diff(mesh.edges)
+    assert max(lengths[edge - 1 : edge + 1]) < 1.6 * zero.width
+    fine = solved(problem, mesh)
+    p = fine.phases["way"]
+    assert p.x_start[edge, 0] == pytest.approx(0.0, abs=1e-9)
+    assert p.edges[edge] == pytest.approx(0.4, abs=1e-3)
+    (again,) = zeros(fine, "way")
+    assert not any_cut({"way": cut_at_zeros(p, equal(np.ones(mesh.intervals, dtype=int)), [again])})
+    assert free_at_zeros(cut(fine, "way", equal(np.ones(mesh.intervals, dtype=int))), [again]).free == mesh.free
+
+
+def test_a_refinement_ends_on_an_ordinary_mesh_at_the_closed_form() -> None:
+    """-0.9 but for what the smooth law differs by, of the order of friction times the time within its range."""
+    found = Refinement(solved(there_and_back(), uniform(7)), AIMS).run()
+    assert found.ended == MET
+    assert all(not mesh.free and not mesh.zeros for mesh in found.solution.transcription.mesh.values())
+    assert found.solution.objective == pytest.approx(-0.9, abs=RUB * SHARP)
+    assert max(e.excess.max() for e in found.errors.values()) <= AIMS.excess
+
+
+def test_without_sharp_states_nothing_is_set() -> None:
+    problem = there_and_back(0.0)
+    assert not sharp_states(problem)
+    assert zeros(solved(problem, uniform(7)), "way") == []
