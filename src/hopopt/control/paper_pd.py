@@ -23,7 +23,7 @@ from hopopt.control.similarity import scaled
 from hopopt.control.two_mass import TwoMass
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.leg.kinematics import TwoJoints, foot_offset, reach, two_joints
+from hopopt.leg.kinematics import TwoJoints, foot_offset, two_joints
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Measurement
@@ -81,6 +81,12 @@ class PaperOptions:
             raise UsageError(str(error)) from None
 
 
+def begin(model: TwoMass, height: float) -> float:
+    """Time since mid-stance [s] at which the reference has this height [m] of the body, on its way up."""
+    times = np.linspace(0.0, model.t_lo, 2001)
+    return float(times[int(np.argmin(np.abs(model.stance_reference(times)[0] - height)))])
+
+
 class PaperStrategy:
     """What both strategies share: the reference, the servo towards it in flight, and the landing."""
 
@@ -93,7 +99,8 @@ class PaperStrategy:
                 f"{setting.design.name}: the paper's strategies need a leg of two joints, this one {has}: "
                 "simulate track or a strategy of your own (compare --strategies track)"
             )
-        self.geometry, self.longest = TwoJoints.of(self.leg), STRETCHED * reach(self.leg)
+        self.geometry = TwoJoints.of(self.leg)
+        self.longest = STRETCHED * sum(map(abs, self.geometry.ends))  # seen from the side
         self.options = replace(PaperOptions.of(setting.design, gains), **chosen(PaperOptions, setting.options))
         if self.options.k_p <= 0:
             raise UsageError(
@@ -114,7 +121,7 @@ class PaperStrategy:
         self.lowest = float(-foot_offset(self.leg, setting.start)[1])
         self.pushed: float | None = 0.0  # when the push began [s]; None in flight and while landing
         self.left = 0.0  # when the last push ended [s]; a bounce on landing is no lift-off
-        self.begin = self._begin(self.lowest)
+        self.begin = begin(self.two_mass, self.lowest)
         self.rise = 0.0  # [s] from lift-off to the apex, from the speed when the foot was last down
 
     def _drawing_up(self, setting: Setting) -> DrawingUp | None:
@@ -122,11 +129,6 @@ class PaperStrategy:
             return None
         window = setting.design.hop.foot_window
         return DrawingUp(setting.robot, self.drive, setting.regions(), setting.no_load_speed, window, self.options.k_p)
-
-    def _begin(self, height: float) -> float:
-        """Time since mid-stance [s] at which the reference has this height [m] of the body, on its way up."""
-        times = np.linspace(0.0, self.two_mass.t_lo, 2001)
-        return float(times[int(np.argmin(np.abs(self.two_mass.stance_reference(times)[0] - height)))])
 
     def torque(self, now: Measurement) -> np.ndarray:
         """Torques (n) [N m] to ask for: the servo in flight, the landing, or the strategy's push."""
@@ -139,7 +141,7 @@ class PaperStrategy:
         self.rise = self.machine.com_velocity(s.q, s.v)[1] / self.two_mass.g
         down = s.v[1] >= 0 or s.q[1] <= self.lowest + self.shortest  # as low as it will be
         if self.pushed is None and now.since > self.settled and down:
-            self.pushed, self.begin = now.t, self._begin(s.q[1])
+            self.pushed, self.begin = now.t, begin(self.two_mass, s.q[1])
         return self.land(now, s) if self.pushed is None else self.push(now, s)
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
@@ -174,8 +176,11 @@ class PaperStrategy:
     def land(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] that brake the body evenly, to stand at the height of the start."""
         distance = max(s.q[1] - self.lowest, self.shortest)
-        wanted = np.array([self._plumb(s), min(s.v[1], 0.0) ** 2 / (2 * distance)])
-        a_j = -np.linalg.solve(s.jacobian, wanted + s.drift)
+        return self.lifted(now, s, min(s.v[1], 0.0) ** 2 / (2 * distance))
+
+    def lifted(self, now: Measurement, s: StanceTerms, rise: float) -> np.ndarray:
+        """Torques (n) [N m] under which the body has this acceleration upwards [m/s^2], on the plumb line."""
+        a_j = -np.linalg.solve(s.jacobian, np.array([self._plumb(s), rise]) + s.drift)
         return self.upright(now, s, (s.mass_matrix @ a_j + s.joint_bias)[1])
 
     def upright(self, now: Measurement, s: StanceTerms, knee: float) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.control.counter_movement import CounterMovement
 from hopopt.control.paper_pd import Force, Position
 from hopopt.control.setting import Setting
 from hopopt.control.tracking.receding_horizon import TrackWithinLimits
@@ -75,6 +76,7 @@ BUILT_IN: Registry[Any] = Registry(
                 "force_tuned", "force_tuck with gains tuned on the paper's leg", partial(Force, **BEST["force"]), TUCK
             ),
             Strategy("position_tuned", "position_tuck with such gains", partial(Position, **BEST["position"]), TUCK),
+            Strategy("counter_movement", "down first, then force control up, then a full tuck", CounterMovement, TUCK),
             Strategy("track", "the optimum tracked, LQG feedback", Track, needs_plan=True),
             Strategy(
                 "track_mpc",

@@ -55,7 +55,7 @@ def simulate(
     ----------
     strategy
         force, force_braked, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the
-        paper's, scaled to the leg), track, track_mpc, track_pd (follow the optimum), an entry point of the group
+        paper's, scaled to the leg), counter_movement (down first), track, track_mpc, track_pd (follow the optimum), an entry point of the group
         hopopt.strategies, or your own class as package.module:Class.
     hops
         How many hops one after the other.
