@@ -58,7 +58,7 @@ study.plot()["study"]
 # %%
 s = ho.solve(design, starts=2)
 slopes = {i.name: i for i in s.sensitivity() if not i.part_of}
-slope = slopes["leg.gear.ratio"].m_per_unit
+slope = slopes["leg.gear.ratio"].per_unit
 print(f"at 1:100 {s.clearance:.4f} m, and {1000 * slope:+.2f} mm for one more turn of the motor")
 
 # %%

@@ -69,8 +69,8 @@ def row(hop: ho.Solution) -> dict[str, float]:
     slopes = {i.name: i for i in hop.sensitivity()}
     for link in ("thigh", "shank"):
         i = slopes[f"leg.{link}.length"]
-        found[f"more {link}"] = i.m_per_unit
-        found[f"less {link}"] = i.m_per_unit if i.less_m_per_unit is None else i.less_m_per_unit
+        found[f"more {link}"] = i.per_unit
+        found[f"less {link}"] = i.per_unit if i.less_per_unit is None else i.less_per_unit
     return found
 
 

@@ -132,7 +132,7 @@ def test_a_limits_own_number_has_the_derivative_that_solving_again_gives() -> No
     low, at, high = (solved_once(MOST | named | {"parameters.most.value": most}) for most in (390.0, 400.0, 410.0))
     slope = next(i for i in ho.Solution.with_methods(at).sensitivity() if i.name == "parameters.most.value")
     assert slope.unit == "N"
-    assert slope.m_per_unit == pytest.approx((high.clearance - low.clearance) / 20, rel=0.02)
+    assert slope.per_unit == pytest.approx((high.clearance - low.clearance) / 20, rel=0.02)
 
 
 @pytest.mark.rarely
@@ -146,7 +146,7 @@ def test_functions_that_are_given_have_derivatives_too() -> None:
         return ho.solve(design, com_rise, constraints=[soft], starts=1, processes=1)
 
     low, at, high = map(solved, (79.0, 80.0, 81.0))
-    slope = next(i for i in at.sensitivity() if i.name == "leg.gear.ratio").m_per_unit
+    slope = next(i for i in at.sensitivity() if i.name == "leg.gear.ratio").per_unit
     assert slope == pytest.approx((high.summary.objective_value - low.summary.objective_value) / 2, rel=0.01)
 
 

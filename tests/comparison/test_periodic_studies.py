@@ -47,7 +47,7 @@ def test_sensitivities_agree_with_solving_again(more: dict[str, float], names: t
     for name in names:
         again = confirmed(solution, influences[name]).difference
         assert again is not None
-        assert influences[name].m_per_unit == pytest.approx(again.central, rel=0.02)
+        assert influences[name].per_unit == pytest.approx(again.central, rel=0.02)
         assert abs(again.central) > 10 * again.noise
 
 

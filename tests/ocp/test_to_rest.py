@@ -118,7 +118,7 @@ def test_sensitivities_of_the_touchdown_and_of_the_landing() -> None:
     """A quick landing costs height: the longest landing gains; the same by solving again with 1 % more."""
     quick = {**SOFT, "hop.landing_duration": (0.03, 0.05)}
     plan = solved_once(quick)
-    (slope,) = [e.m_per_unit for e in sensitivity(plan) if e.name == "hop.landing_duration[1]"]
+    (slope,) = [e.per_unit for e in sensitivity(plan) if e.name == "hop.landing_duration[1]"]
     more = solved_once({**quick, "hop.landing_duration": (0.03, 0.0505)})
     assert (more.clearance - plan.clearance) / 0.0005 == pytest.approx(slope, rel=0.05)
 

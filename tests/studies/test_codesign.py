@@ -241,7 +241,7 @@ def test_a_gear_as_strong_as_its_mass_is_worth() -> None:
     assert s.verified, s.summary.failed_checks
     torque, law = chosen(s)["leg.gear.torque_cap"], mass_law("gear")
     assert 60 < torque < 200
-    slopes = {i.name: i.m_per_unit for i in sensitivity(s)}
+    slopes = {i.name: i.per_unit for i in sensitivity(s)}
     gain = slopes["leg.gear.torque_cap"]
     cost = slopes["leg.body.mass"] * 2 * law.exponent * law.mass(torque) / torque
     assert gain > 1e-4  # m/(N m)
@@ -294,7 +294,7 @@ def test_lengths_meet_their_coupling_and_gain(lengths: Solution, hop: Solution) 
 @pytest.mark.slow
 def test_no_exchange_of_length_gains_any_more(lengths: Solution) -> None:
     """At the optimum of a kept sum both lengths have the same derivative, by the multipliers of the fixed design."""
-    slopes = {i.name: i.m_per_unit for i in sensitivity(lengths)}
+    slopes = {i.name: i.per_unit for i in sensitivity(lengths)}
     thigh, shank = slopes["leg.thigh.length"], slopes["leg.shank.length"]
     assert abs(thigh) > 0.1
     assert thigh == pytest.approx(shank, rel=0.02)

@@ -61,14 +61,14 @@ class Solution(solution.Solution):
         check_figure(name, *known, "tornado")
         return tornado(self, self.sensitivity()) if name == "tornado" else figures(self, known, name)
 
-    def sensitivity(self) -> list[Influence]:
-        """What one more of every number of the problem changes in the height, the most rewarding per cent first.
+    def sensitivity(self) -> "Influences":
+        """What one more of every number of the problem changes in the objective, the most rewarding per cent first.
 
-        Raises UsageError where the start pose has no derivative, and for an objective that is no height.
+        Raises UsageError where the start pose has no derivative.
         """
         from hopopt.studies.sensitivity import sensitivity
 
-        return sensitivity(self)
+        return Influences(sensitivity(self))
 
     def compare(
         self,
@@ -186,6 +186,16 @@ class _BesideABound:
     def verified(self) -> bool:
         """Whether the bound is."""
         return self.solution.verified
+
+
+class Influences(list[Influence]):
+    """What the entries of a problem change in its objective, the most rewarding per cent first."""
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for every entry: derivative, its error, what one per cent changes."""
+        import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
+
+        return pd.DataFrame([i.as_dict() for i in self])
 
 
 @dataclass(frozen=True, repr=False)

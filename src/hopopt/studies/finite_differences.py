@@ -53,7 +53,7 @@ def confirmed(solution: Solution, influence: Influence) -> Influence:
 def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Difference:
     if i.kinked:  # each side counts by itself, so that the middle must have been solved alike
         nlp = replace(nlp, objective=solve_again(nlp, solution.design, solution.objective).objective)
-    noise, slope = settled_within(solution), max(abs(i.m_per_unit), abs(i.less_m_per_unit or 0.0), 1e-12)
+    noise, slope = settled_within(solution), max(abs(i.per_unit), abs(i.less_per_unit or 0.0), 1e-12)
     if not i.value:
         if slope < SLIGHTEST_SLOPE * Scale.of(solution.design.leg).length:
             return Difference(fault="not solved again: it is 0, and hardly matters")
@@ -62,7 +62,7 @@ def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Differenc
     found, narrow = _over(solution, nlp, i, wide, noise), RELATIVE_STEP * abs(i.value)
     if found.fault and wide > narrow:
         found = _over(solution, nlp, i, narrow, noise)
-    sides = i.m_per_unit, i.less_m_per_unit
+    sides = i.per_unit, i.less_per_unit
     if found.fault or found.agrees(*sides):
         return found
     closer = _over(solution, nlp, i, CLOSER_STEP * wide, SOLVED * abs(nlp.objective))  # over a smaller step less bends

@@ -1,4 +1,4 @@
-"""What to change first: the derivative of the best hop's height by every number of its problem, from the multipliers.
+"""What to change first: the derivative of the best hop's objective by every number of its problem, from the multipliers.
 
 The leg's masses, lengths and drives are parameters of the nonlinear program (optimality/directions/parametric_sensitivity.py); limits of joints,
 durations and heights are its bounds. The start pose is both: its angles are given values, which follow from the
@@ -20,44 +20,47 @@ from hopopt.leg.scales import Scale
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.phases import STANCE, duration_entry
 from hopopt.optimality.directions.kinks import DIFFERS, kink
-from hopopt.optimality.directions.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
+from hopopt.optimality.directions.parametric_sensitivity import Slopes, gradient_by_parameters, magnitudes, slopes
 from hopopt.optimality.directions.touchdown_slopes import touchdown_slopes
 from hopopt.planner.answer.program_figures import by_friction
 from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.render import rows
 from hopopt.studies.influence import Influence
 
-FELT_HEIGHT = 1e-6  # [m] on the paper's leg, that twice an entry's value must make of two sides that differ
+FELT_HEIGHT = 1e-6  # [m] on the paper's leg, of another objective a share, that twice an entry's value must make of two sides that differ
 STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretched
 
 
 def sensitivity(solution: Solution) -> list[Influence]:
-    """Every entry that the height depends on, the most rewarding per cent first (entries at 0 last, per unit).
+    """Every entry that the objective depends on, the most rewarding per cent first (entries at 0 last, per unit).
 
-    solution is what ``solve`` or ``read`` returned; the height is its objective's. Raises UsageError where the start
-    pose has no derivative.
+    solution is what ``solve`` or ``read`` returned. Raises UsageError where the start pose has no derivative.
     """
-    design = solution.design
-    if solution.summary.objective_unit != "m":
-        raise UsageError(f"what to change first is reported for heights, not for {solution.objective}")
+    design, unit = solution.design, solution.summary.objective_unit
     nlp = stored_nlp(with_own_drives(solution))
+    maximize = nlp.transcription.problem.objective.maximize
     by_parameters = gradient_by_parameters(nlp.transcription)
 
     def all_of(s: NlpSolution) -> dict[str, tuple[float, str | None]]:
         return derivatives(design, slopes(s, by_parameters))
 
     found = all_of(nlp)
+    sizes = derivatives(design, magnitudes(nlp), signed=False)
     more, less, between = _sides(nlp, lambda s: np.array([slope for slope, _ in all_of(s).values()]))
     entries, influences = {row.path: row for row in rows(design)}, []
-    hardly = FELT_HEIGHT * Scale.of(design.leg).length
+    hardly = FELT_HEIGHT * (Scale.of(design.leg).length if unit == "m" else abs(nlp.objective))
     for k, (name, (_, part_of)) in enumerate(found.items()):
         path, _, index = (part_of or name).partition("[")
         value = entries[path].value[int(index[:-1])] if index else entries[path].value
         felt = abs(more[k] - less[k]) * max(abs(value), 1.0)
         smooth = felt <= hardly or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
-        i = Influence(name, float(value), entries[path].unit, float(more[k]), part_of)
-        influences.append(i if smooth else replace(i, less_m_per_unit=float(less[k]), between=between))
-    return sorted(influences, key=lambda i: (-i.most_cm, -abs(i.m_per_unit)))
+        error = error_of(solution, sizes[name][0], float(value))
+        i = Influence(
+            name, float(value), entries[path].unit, float(more[k]), part_of, error_per_unit=error, objective_unit=unit,
+            maximize=maximize,
+        )  # fmt: skip
+        influences.append(i if smooth else replace(i, less_per_unit=float(less[k]), between=between))
+    return sorted(influences, key=lambda i: (-i.most, -abs(i.per_unit)))
 
 
 def _sides(
@@ -84,17 +87,32 @@ def as_dict(solution: Solution, influences: Sequence[Influence], failed: Sequenc
         "exit_code": 3 if failed else 0,
         "failed_checks": list(failed),
         "optimum": str(solution.result_dir) if solution.result_dir else None,
-        "tie_break_bias_m": solution.summary.tie_break_bias_m,
-        "settled_within_m": settled_within(solution),
+        "objective_unit": solution.summary.objective_unit,
+        "objective_value": None if failed else solution.summary.reached,
+        "tie_break_bias": solution.summary.bias,
+        "settled_within": settled_within(solution),
         "parameters": [i.as_dict() for i in influences],
     }
 
 
 def settled_within(solution: Solution) -> float:
-    """How far the optimal height depends on the mesh [m]: the last change with it, and the tightening cost."""
+    """How far the optimum depends on the mesh [the objective's unit]: the last change with it, and the tightening cost."""
     names = ("change of the objective", "tightening cost")
     residuals = (solution.summary.check(name).residual for name in names)
     return sum(r for r in residuals if np.isfinite(r)) * abs(solution.summary.objective_value)
+
+
+def error_of(solution: Solution, size: float, value: float) -> float | None:
+    """Of a derivative whose parts come to ``size`` without their signs [objective's unit per unit], by an entry of this value;
+    None for an entry that is 0, which has no size of its own.
+
+    An optimum that is off by a share e of its objective is so by about sqrt(e) in its motion and multipliers, of which the
+    objective knows the square alone. What it is off by may also go with the entry itself. Nobody looked closer than
+    refinement's own tolerance.
+    """
+    objective = abs(solution.summary.objective_value) or 1.0
+    share = max(settled_within(solution) / objective, solution.design.solver.objective_tolerance)
+    return float(np.sqrt(share)) * size + share * objective / abs(value) if value else None
 
 
 def with_own_drives(solution: Solution) -> Solution:
@@ -104,6 +122,7 @@ def with_own_drives(solution: Solution) -> Solution:
         data["leg"][joint].setdefault(part, {})[entry] = leg.drive(joint, part, entry)[1]
     design = Design.model_validate(data)
     p = np.array(list(variable_numbers(design).values()))
+    p = np.append(p, solution.kkt["p"][len(variable_numbers(solution.design)) :])  # what the objective adds
     return replace(solution, design=design, kkt={**solution.kkt, "p": p})
 
 
@@ -117,14 +136,14 @@ def drive_entries(leg: Leg) -> Iterator[tuple[str, str, Any, str]]:
                     yield path, joint, part, entry
 
 
-def derivatives(design: Design, by: Slopes) -> dict[str, tuple[float, str | None]]:
-    """Path of each entry -> derivative [m per unit], and the entry it is one joint's part of, if it is.
+def derivatives(design: Design, by: Slopes, signed: bool = True) -> dict[str, tuple[float, str | None]]:
+    """Path of each entry -> derivative [objective's unit per unit], and the entry it is one joint's part of, if it is.
 
-    ``by`` belongs to the program of ``with_own_drives``.
+    ``by`` belongs to the program of ``with_own_drives``; not ``signed``: what the parts of each come to without their signs.
     """
     own: dict[str, float] = {}
     for path, slope in _contributions(design, by):
-        own[path] = own.get(path, 0.0) + slope
+        own[path] = own.get(path, 0.0) + (slope if signed else abs(slope))
     users: dict[str, list[str]] = {}
     for path, joint, part, entry in drive_entries(design.leg):
         users.setdefault(path, []).append(f"leg.{joint}.{part}.{entry}")
@@ -142,7 +161,7 @@ def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
     from_rest = not design.hop.periodic
     if from_rest:
         low, high = by.of_state(STANCE, "q")
-        yield from ((path, float((low + high)[0] @ dq)) for path, dq in pose_slopes(design))
+        yield from ((path, float(part)) for path, dq in pose_slopes(design) for part in (low + high)[0] * dq)
     for phase in by.solution.phases:
         low, high = by.of_state(phase, "q")
         first = 1 if phase == STANCE and from_rest else 0  # it begins with given angles, which no limit moves
@@ -150,12 +169,12 @@ def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
             yield f"leg.{joint}.lower", float(low[first:, k].sum())
             yield f"leg.{joint}.upper", float(high[first:, k].sum())
         yield from zip((f"{duration_entry(phase)}[{k}]" for k in (0, 1)), by.of_duration(phase), strict=True)
-    yield from _rows(by)
+    yield from _rows(design, by)
     if design.hop.lands:
         yield from touchdown_slopes(design, by)
 
 
-def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
+def _rows(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
     """Entries that are limits of path and boundary constraints, or the factor of one: |f_x| <= mu f_z.
 
     Where a limit is enforced between the nodes, multipliers at the nodes have both signs (nlp/refinement/continuous_limits.py): both are of its side.
@@ -165,6 +184,8 @@ def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
         kind, key = kind_of(r.name), r.name.key if isinstance(r.name, LimitId) else ""
         if kind is Kind.GROUND_FORCE:
             yield key, float((low + high).sum())
+        elif kind is Kind.FORCE_RATE:
+            yield key, float((high - low).sum()) / float(design.contact.force_rate or 1.0)
         elif kind is Kind.FRICTION:
             yield key, -float(((low + high) * by_friction(by.solution, r.phase)).sum())
         elif kind is Kind.HEIGHT:

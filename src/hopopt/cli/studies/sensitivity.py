@@ -14,8 +14,6 @@ from hopopt.cli.options import AsJson, Figure, Overrides, Results, Starts, ended
 from hopopt.cli.screen.console import Shown, named, progress, table
 from hopopt.cli.screen.console import figures as columns
 from hopopt.errors import UsageError
-from hopopt.ocp.objectives.objective import HEIGHT_FIGURES
-from hopopt.ocp.objectives.registry import find
 from hopopt.planner import solve as planning
 from hopopt.planner.solution import Solution
 from hopopt.plots.studies.sensitivity import save_all
@@ -29,7 +27,8 @@ from hopopt.studies.finite_differences import LEADING, chosen, confirmed
 from hopopt.studies.influence import Influence
 
 TABLE_ROWS = 16  # of the table
-LEAST_SHOWN = 5e-4  # [cm] per per cent, below which an entry is left out of it
+LEAST_SHOWN = 5e-6  # [m], or share of another objective, per per cent, below which an entry is left out of it
+CM = 100.0  # [cm/m]
 Confirm = Annotated[
     list[str] | None,
     Parameter(
@@ -65,7 +64,7 @@ def sensitivity(
     result
         A folder that hopopt solve wrote, in place of a problem: its optimum is verified again, not solved again.
     objective
-        What is made as large as possible: clearance or apex.
+        What the hop is made for, as of hopopt solve: clearance, apex, energy, ...
     """
     if result is not None and (problem, set_, starts, objective) != (None, None, None, "clearance"):
         raise UsageError("--result names an optimum that is there: leave out the problem, --set, --objective, --starts")
@@ -100,10 +99,6 @@ def _optimum(
         say("verifying")
         solution = read(folder)
         return solution, [*solution.doubts, *recheck(solution).failed_checks]
-    if find(objective).figure not in HEIGHT_FIGURES:
-        raise UsageError(
-            f"what to change first is reported for heights, not for {objective}: --objective clearance or apex"
-        )
     solution = planning.solve(load(problem, overrides), objective, starts=starts, progress=say)
     return solution, list(solution.summary.failed_checks)
 
@@ -129,64 +124,80 @@ def shown(data: Mapping[str, Any], influences: Sequence[Influence]) -> Iterator[
         yield f"{data['problem']}: the optimum was NOT verified, so nothing is reported about what it depends on."
         yield f"Failed: {', '.join(data['failed_checks'])}"
         return
-    what, height = ("body apex", data["apex_m"]) if "apex_m" in data else ("clearance", data["clearance_m"])
-    yield f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of the value of an entry would change:"
-    rows = _in_the_table(influences)
+    least, unit = least_shown(data), data["objective_unit"]
+    what, reached = (
+        "body apex" if data["objective"] == "apex" else data["objective"].replace("_", " "),
+        data["objective_value"],
+    )
+    value = f"{reached:.4f} m" if unit == "m" else f"{reached:.5g} {unit}"
+    yield f"{data['problem']}: {what} {value}, verified. What 1 % more of the value of an entry would change:"
+    rows = _in_the_table(influences, least)
     yield _table(influences, rows)
     if at := next((i for i in influences if i.kinked), None):
         yield f"Limits trade places at this optimum, so that more and less of an entry differ: {'; '.join(at.between)}."
     if any(i.part_of for i in rows):
         yield "Indented: what one joint has of an entry that the whole leg shares."
-    yield from left_out(influences)
-    yield from sentences(influences)
-    zero = [i for i in influences if not i.value and abs(i.m_per_unit) > 1e-6]  # there is no per cent of it
+    yield from left_out(influences, least)
+    yield from sentences(influences, least)
+    zero = [i for i in influences if not i.value and abs(i.per_unit) > 1e-6]  # there is no per cent of it
     if zero:
-        each = ", ".join(f"{i.name} {i.m_per_unit:+.3g} m per {i.unit}" for i in zero)
+        each = ", ".join(f"{i.name} {i.per_unit:+.3g} {unit} per {i.unit}" for i in zero)
         yield f"At 0 now, so by the unit: {each}"
     yield (
-        f"From the multipliers of the optimum, as long as the same limits stay active. The height depends on the mesh "
-        f"within {data['settled_within_m']:.0e} m, on the tie-break within {data['tie_break_bias_m']:.0e} m; "
-        "a derivative depends on the mesh more than the height does (--confirm solves again)."
+        f"From the multipliers of the optimum, as long as the same limits stay active. The {what} depends on the mesh "
+        f"within {data['settled_within']:.0e} {unit}, on the tie-break within {data['tie_break_bias']:.0e} {unit}; "
+        "what its mesh makes of each derivative is estimated behind it (--confirm solves again)."
     )
     yield f"results {data['result_dir']}"
 
 
 def _table(influences: Sequence[Influence], rows: Sequence[Influence]) -> Table:
     again, kinked = any(i.difference for i in influences), any(i.kinked for i in influences)
-    sides = ["1 % more gives", *(["1 % less gives"] if kinked else []), "m per unit"]
+    sides = ["1 % more gives", *(["1 % less gives"] if kinked else []), f"{influences[0].objective_unit} per unit"]
     heads = [Column(head, justify="right") for head in (*sides, *(["solved again"] if again else []))]
     cells = []
     for i in rows:
         row = [f"  {i.name}" if i.part_of else i.name, f"{i.value:g} {i.unit}".removesuffix(" 1")]
-        row += [f"{i.cm_per_percent:+.3f} cm", *([f"{i.cm_per_percent_less:+.3f} cm"] if kinked else [])]
-        row += [f"{i.m_per_unit:+.4g}" + (f", {i.less_m_per_unit:+.4g}" if i.kinked else "")]
+        row += [_amount(i, i.per_percent, "+"), *([_amount(i, i.per_percent_less, "+")] if kinked else [])]
+        row += [f"{i.per_unit:+.4g}" + (f", {i.less_per_unit:+.4g}" if i.kinked else "")]
+        row[-1] += f" ± {i.error_per_unit:.1g}" if i.error_per_unit else ""
         if again:
             d = i.difference
             found = "" if d is None or d.fault or i.kinked else f"{d.central:+.4g}"
-            row += [found, "" if d is None else d.verdict(i.m_per_unit, i.less_m_per_unit)]
+            row += [found, "" if d is None else d.verdict(i.per_unit, i.less_per_unit)]
         cells.append(row)
     return table([named("entry"), *columns("value"), *heads, *([""] if again else [])], cells)
 
 
-def _in_the_table(influences: Sequence[Influence]) -> list[Influence]:
-    return [i for k, i in enumerate(influences) if (k < TABLE_ROWS and i.most_cm >= LEAST_SHOWN) or i.difference]
+def _amount(i: Influence, change: float, sign: str = "") -> str:
+    """A change of the objective, of a height in centimetres."""
+    return f"{CM * change:{sign}.3f} cm" if i.objective_unit == "m" else f"{change:{sign}.3g} {i.objective_unit}"
 
 
-def left_out(influences: Sequence[Influence]) -> list[str]:
+def least_shown(data: Mapping[str, Any]) -> float:
+    """What an entry has to change per per cent to be shown [the objective's unit]."""
+    return LEAST_SHOWN * (1.0 if data["objective_unit"] == "m" else abs(data["objective_value"]))
+
+
+def _in_the_table(influences: Sequence[Influence], least: float) -> list[Influence]:
+    return [i for k, i in enumerate(influences) if (k < TABLE_ROWS and i.most >= least) or i.difference]
+
+
+def left_out(influences: Sequence[Influence], least: float = LEAST_SHOWN) -> list[str]:
     """How many entries that matter have no row."""
-    shown = _in_the_table(influences)
-    count = sum(i.most_cm >= LEAST_SHOWN and i not in shown for i in influences)
+    shown = _in_the_table(influences, least)
+    count = sum(i.most >= least and i not in shown for i in influences)
     return [f"({count} more that matter less: --json)"] if count > 0 else []
 
 
-def sentences(influences: Sequence[Influence]) -> list[str]:
+def sentences(influences: Sequence[Influence], least: float = LEAST_SHOWN) -> list[str]:
     """What to change first: of the leg, of the joints apart, and of what the hop is asked to be."""
-    gains = [i for i in influences if i.best_cm >= LEAST_SHOWN]
+    gains = [i for i in influences if i.best >= least]
     if any(i.kinked for i in influences):  # they are ranked by their larger side, which may be a loss
-        gains.sort(key=lambda i: -i.best_cm)
+        gains.sort(key=lambda i: -i.best)
     first = next((i for i in gains if i.of_leg), None)
     if first is None:
-        return ["No entry of the leg makes the height more to first order."]
+        return ["No entry of the leg makes it better to first order."]
     lines = [f"What to change first: {_advice(first)}."]
     for whole in influences:
         parts = [i for i in gains if i.part_of == whole.name]
@@ -198,7 +209,7 @@ def sentences(influences: Sequence[Influence]) -> list[str]:
 
 def _up(i: Influence) -> bool:
     """Whether more of it is the better way."""
-    return i.cm_per_percent >= i.cm_per_percent_less
+    return (i.per_percent >= i.per_percent_less) == i.maximize
 
 
 def _advice(i: Influence) -> str:
@@ -207,4 +218,9 @@ def _advice(i: Influence) -> str:
     to = i.value * (1.01 if up else 0.99)
     unit = "" if i.unit == "1" else f" {i.unit}"
     size = "1 % more" if up else "1 % less"
-    return f"{i.name} {size}, from {i.value:g} to {to:.4g}{unit}, gains {i.best_cm:.2f} cm"
+    gains = (
+        f"gains {CM * i.best:.2f} cm"
+        if i.objective_unit == "m"
+        else f"{'gains' if i.maximize else 'saves'} {_amount(i, i.best)}"
+    )
+    return f"{i.name} {size}, from {i.value:g} to {to:.4g}{unit}, {gains}"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy import sparse
 
 from hopopt.nlp.layout import PhaseLayout
 from hopopt.nlp.solver.ipopt import NlpSolution
@@ -69,6 +70,20 @@ def slopes(solution: NlpSolution, by_parameters: ca.Function | None = None) -> S
         sides += [-sign * np.minimum(lam, 0.0) / scale, -sign * np.maximum(lam, 0.0) / scale]
     gradient = (by_parameters or gradient_by_parameters(t))(solution.z, solution.p, solution.lam_g)
     return Slopes(solution, split(t.fixed, sign * np.array(gradient).ravel()), *sides)
+
+
+def magnitudes(solution: NlpSolution) -> Slopes:
+    """The same without signs, each row's part by itself: by how much derivatives change, relatively to it, with multipliers that
+    change by a share of themselves."""
+    t, nlp, by = solution.transcription, solution.transcription.nlp, slopes(solution)
+    parts = ca.Function(
+        "parts", [nlp["x"], nlp["p"]], [ca.jacobian(nlp["g"], nlp["p"]), ca.jacobian(nlp["f"], nlp["p"])]
+    )
+    of_rows, of_objective = parts(solution.z, solution.p)
+    lam = sparse.diags(np.abs(solution.lam_g))
+    total = np.abs(lam @ sparse.csr_matrix(of_rows.sparse())).sum(axis=0) + np.abs(np.array(of_objective))
+    sides = (by.low_z, by.high_z, by.low_g, by.high_g)
+    return Slopes(solution, split(t.fixed, np.asarray(total).ravel()), *map(np.abs, sides))
 
 
 def gradient_by_parameters(t: Transcription) -> ca.Function:
