@@ -110,6 +110,7 @@ RESTARTED = Attempt(
 )  # fmt: skip
 
 REFINEMENT = (RESOLVED, FURTHER, CLOSER_AIM)
+FRONT = (RESOLVED, CLOSER_AIM)  # its points are to be verified: a certificate of each would take as long as all of it
 HOP = (CALMED, RESTARTED)
 POINT = (replace(CALMED, within=3e-3), RESTARTED)  # neighbours are compared: a point may not change to another optimum
 CODESIGN = (  # the answer is the hop of the leg that comes out: how the co-design's own refinement ended is not known

@@ -70,9 +70,10 @@ def refined_and_verified(
     restarts: bool = True,
     until: Deadline = NEVER,
     calmed: NlpSolution | None = None,
+    attempts: Sequence[Attempt] = REFINEMENT,
 ) -> Solution:
     """Refine one start's optimum, verify it (as ``refine_and_verify``) and sum it up."""
-    answer = refine_and_verify(hop, outcome, say, first, restarts, clock, until=until, calmed=calmed)
+    answer = refine_and_verify(hop, outcome, say, first, restarts, clock, until=until, calmed=calmed, attempts=attempts)
     return summed_up(answer, outcomes, outcome, clock)
 
 
@@ -86,8 +87,9 @@ def refine_and_verify(
     margin: float = EXCESS_MARGIN,
     until: Deadline = NEVER,
     calmed: NlpSolution | None = None,
+    attempts: Sequence[Attempt] = REFINEMENT,
 ) -> Answer:
-    """One start's optimum refined, with its verdict, or what the attempts after a refinement lead to that is better
+    """One start's optimum refined, with its verdict, or what the ``attempts`` after a refinement lead to that is better
     (planner/attempts.py). ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that
     is aimed at; ``calmed``: what the start leads to with a larger tie-break, if that is known
     (planner/search/calm_first.py)."""
@@ -102,10 +104,10 @@ def refine_and_verify(
             return None if resolved is refinement else judged(closer, resolved, clock)
         if attempt.further:
             return judged(closer, refinement.further(aims_of(closer, until)), clock)
-        return refine_and_verify(closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed)
+        return refine_and_verify(closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed, attempts)
 
     found = judged(hop, refinement, clock)
-    return tried_again(hop, found, REFINEMENT, again, lambda answer: answer.trial, say, until)[1]
+    return tried_again(hop, found, attempts, again, lambda answer: answer.trial, say, until)[1]
 
 
 def with_costates(refinement: Refinement) -> Refinement:

@@ -25,6 +25,7 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import OBJECTIVES, find
+from hopopt.planner.attempts import FRONT
 from hopopt.planner.checks.custom_check import objective_of
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.first_mesh import search_first_mesh
@@ -155,6 +156,13 @@ class Chain:
         besides = [begun_from(hop, highest, until)] if highest and reaches(hop, highest) else []
         return list(search_first_mesh(hop, self.starts, self.processes, self.say, besides, until).outcomes)
 
+    def _from_highest(self, hop: Hop) -> list[StartOutcome]:
+        """What the highest hop leads to, if that is as high; so near to it other starts find nothing better, and take longest."""
+        until = NEVER.within(TIME_LIMIT)
+        highest = maximum_clearance_hop(hop, self.starts, until)
+        found = [begun_from(hop, highest, until)] if highest and reaches(hop, highest) else []
+        return [outcome for outcome in found if outcome.success]
+
     def hop(self, k: int) -> Hop:
         """The problem of point k."""
         return Hop(changed(self.design, {"hop.clearance": float(self.clearances[k])}), self.goal)
@@ -164,12 +172,12 @@ class Chain:
         return with_numbers_of(self.program, self.hop(k).problem)
 
     def between(self, low: float, high: float, points: int) -> None:
-        """All points: from starts at the upper end, then up from the least and down from the upper end."""
+        """All points: from the highest hop at the upper end, then up from the least and down from the upper end."""
         share = 1 - (1 - np.linspace(0, 1, points)[1:-1]) ** CROWDING  # the cost rises most at the upper end
         self.clearances = [self.clearances[0], *(low + (high - low) * share)]
         last = len(self.clearances) - 1
         self.outcomes += [[] for _ in range(last)]
-        self.outcomes[last] += self._from_starts(self.hop(last))
+        self.outcomes[last] += self._from_highest(self.hop(last)) or self._from_starts(self.hop(last))
         for k in range(1, last + 1):
             self._step(k, k - 1)
         for k in range(last - 1, -1, -1):
@@ -211,7 +219,9 @@ def _refined(found: Front, chain: Chain, k: int, kind: str) -> Solution | None:
     for outcome in _distinct(outcomes)[:2]:
         told, first = lambda text: chain.say(f"{kind}: {text}"), chain.transcription(k)
         try:
-            ended = guarded(refined_and_verified, hop, outcome, outcomes, told, clock, first, until=until)
+            ended = guarded(
+                refined_and_verified, hop, outcome, outcomes, told, clock, first, until=until, attempts=FRONT
+            )
         except NotSolvedError as error:
             why = f"refinement stopped: {one_line(error)}"
             continue
