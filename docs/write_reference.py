@@ -31,9 +31,8 @@ PAGES: dict[str, tuple[str, str, tuple[Any, ...]]] = {  # file -> title, first s
     "functions": ("Functions: one problem", "One hop, its program, and your own functions.", (
         ho.load, ho.solve, ho.program, ho.simulate, ho.identify, ho.objective, ho.constraint,
     )),
-    "studies": ("Functions: many hops, and what is kept", "Studies of many hops; results written, read and verified.", (
-        ho.sweep, ho.choose, ho.pareto, ho.robust, ho.transition, ho.save, ho.read, ho.verify,
-    )),
+    "studies": ("Functions: many hops", "Studies of many hops.", (ho.sweep, ho.choose, ho.pareto, ho.robust, ho.transition)),
+    "kept": ("Functions: what is kept", "Results written, read and verified.", (ho.save, ho.read, ho.verify)),
     "hop": ("Classes: a hop", "What `ho.solve` returns.", (ho.Solution, Samples)),
     "checks": ("Classes: what is said of a hop", "Sensitivities and checks.", (Influence, ho.Verification, Verdict, Check)),
     "moment": ("Classes: problems and functions of your own", "What your own functions and controllers are given.", (
