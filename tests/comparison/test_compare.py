@@ -55,7 +55,7 @@ def solution(hop):
 @pytest.fixture(scope="module")
 def comparison(solution):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, say: plan_with_reserve())
+        patch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, *rest: plan_with_reserve())
         return compare(solution.design, ["track", "force", "force_tuck", "position"], bound=solution)
 
 
@@ -298,7 +298,7 @@ def test_tuned_gains_clear_more_than_the_printed_ones_and_less_than_the_bound(na
 def test_mismatched_legs_hop_if_enough_is_held_back(solution, monkeypatch):
     """5 % of mass and 10 % of torque constant: a drive with too large a constant is as much slower, so speed is held back."""
     overrides = ["reserve.torque=0.12", "reserve.speed=0.1", "reserve.ground_force=80", "reserve.height=0.02"]
-    monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, say: plan_with_reserve(overrides))
+    monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, *rest: plan_with_reserve(overrides))
     robust = compare(load("paper", overrides), ["track"], bound=solution)
     found = spread(robust, 12, 0, Uncertainty(), 2)["track"]
     assert found["draws"] == len(found["clearances_m"]) == 12
@@ -627,7 +627,7 @@ def test_all_rows_of_a_similar_leg_are_the_papers(solution, monkeypatch):
     """A quarter as large: nothing is given but what makes it a copy, and what is asked of it. Tuned rows are each leg's own."""
     names = ["force", "force_tuck", "position_tuck", "track", "track_pd"]
     small = compare(load("paper", {**similar(0.25), "solver.starts": 1}), names)
-    monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, say: plan_with_reserve())
+    monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, *rest: plan_with_reserve())
     of = compare(solution.design, names, bound=solution)
     assert not small.notes
     assert small.plan is not None

@@ -181,7 +181,7 @@ def test_placeholders_of_a_urdf_are_named_where_they_stand(
     assert len(str(raised.value).splitlines()) == 1
     assert sentence in str(raised.value)
     assert "degrees" not in str(raised.value)
-    if "leg.urdf" in sentence:
+    if sentence.startswith("leg.urdf"):
         assert "in the problem file to replace it" in str(raised.value)
 
 

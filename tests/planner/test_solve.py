@@ -173,7 +173,7 @@ def test_what_is_no_problem_is_a_sentence() -> None:
 
 def test_a_solution_is_shown_on_one_line(one_push: Solution) -> None:
     shown = repr(one_push)
-    assert shown.startswith(f"<Solution of paper, objective clearance: clearance_m {one_push.clearance}")
+    assert shown.startswith(f"<Solution of paper, objective clearance: clearance_m {one_push.clearance:.6g}")
     assert shown.endswith("m, verified>")
 
 

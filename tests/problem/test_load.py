@@ -276,7 +276,10 @@ def test_every_fault_is_reported_at_once(edited):
         "start has both",
     ):
         assert any(path in sentence for sentence in found), path
-    assert "mine.toml: leg.body.mass is missing: mass of the body with both motors; a number" in "\n".join(found)
+    assert (
+        "mine.toml: leg.body.mass is missing: mass of the body with both motors, as this leg carries it; a number"
+        in "\n".join(found)
+    )
 
 
 def test_empty_file_says_what_is_missing(write):

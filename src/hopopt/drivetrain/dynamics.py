@@ -60,7 +60,7 @@ def limited_rate(leg: Leg, joint: str, p: Mapping[str, Any]) -> JointDynamics | 
     late = electrical_time(leg, joint, p)
     if given is None and late is None:
         return None
-    ratio, region = p[leg.drive(joint, "gear", "ratio")[0]], operating_region(leg, joint, p)
+    ratio = p[leg.drive(joint, "gear", "ratio")[0]]
     most = MOST_VOLTAGE * stall_torque(leg, joint, p) / late if given is None else p[path] * ratio
     return JointDynamics(
         ("torque",), ("N m",), (float(stall_torque(leg, joint, physical_parameters(leg))),),
@@ -68,7 +68,7 @@ def limited_rate(leg: Leg, joint: str, p: Mapping[str, Any]) -> JointDynamics | 
         torque=lambda x, asked, w: asked,
         at_rest=lambda tau: [tau],
         rate=most,
-        region=None if late is None else region,
+        region=None if late is None else operating_region(leg, joint, p),
     )  # fmt: skip
 
 

@@ -4,10 +4,11 @@ import numpy as np
 
 from hopopt.leg.kinematics import can_slip
 from hopopt.leg.robot import BASE
+from hopopt.leg.scales import Scale
 from hopopt.sim.ground import pinned
 from hopopt.sim.machine import Machine
 
-LINEARISATION_STEP = 1e-5  # of the central differences that linearise the dynamics
+STEP = 1e-5  # [rad, rad/s, N m] on the paper's leg, of the central differences that linearise the dynamics
 
 
 class Linearisation:
@@ -18,6 +19,8 @@ class Linearisation:
 
     def __init__(self, machine: Machine):
         self.machine = machine
+        scale, n = Scale.of(machine.leg), len(machine.robot.joints)
+        self._steps = STEP * np.repeat([1.0, 1 / scale.time, scale.force * scale.length], n)
         self._leg = pinned.free_leg(machine.robot) if can_slip(machine.leg) else None
 
     def answers(self, z: np.ndarray, contact: bool) -> np.ndarray:
@@ -29,10 +32,9 @@ class Linearisation:
     def slopes(self, z: np.ndarray, contact: bool) -> np.ndarray:
         """How they change with each entry at k places z (k, 3 n), (k, n + 2, 3 n)."""
         if self._leg is not None:
-            return pinned.slopes(self._leg, z, contact, LINEARISATION_STEP)
-        steps = LINEARISATION_STEP * np.eye(z.shape[1])
-        columns = [self.answers(z + d, contact) - self.answers(z - d, contact) for d in steps]
-        return np.stack(columns, axis=2) / (2 * LINEARISATION_STEP)
+            return pinned.slopes(self._leg, z, contact, self._steps)
+        columns = [self.answers(z + d, contact) - self.answers(z - d, contact) for d in np.diag(self._steps)]
+        return np.stack(columns, axis=2) / (2 * self._steps)
 
     def _by_pinocchio(self, z: np.ndarray, contact: bool) -> np.ndarray:
         q, v, tau = np.split(z, 3)

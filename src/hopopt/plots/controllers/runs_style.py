@@ -13,6 +13,7 @@ from hopopt.sim.hop_metrics import HopFigures
 
 COLORS = (  # Okabe and Ito, all that show on white, and darker ones of Tol's: one for each built-in strategy
     "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#882255", "#332288", "#999933", "#661100", "#999999",
+    "#44AA99",
 )  # fmt: skip
 STYLES = ("-", (0, (4, 1.5)), "-.", ":")  # in turn, for dashes over a full line show both
 LIMIT_MARK = "*"  # after the name of a run that did not keep every limit

@@ -32,7 +32,8 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
         found += _link_faults(f"leg.{name}", _table(leg, name))
     found += _far_masses({f"leg.{name}": _table(leg, name) for name in links})
     found += _parameter_faults(_table(data, "parameters"))
-    for path, words in (*found, *_hop_faults(hop, joints)):
+    trunk = [TRUNK] if _table(_table(leg, "body"), "shapes") else []
+    for path, words in (*found, *_hop_faults(hop, joints, trunk)):
         if path not in refused:
             report.add(path, words)
 
@@ -127,7 +128,7 @@ def _link_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]
         yield f"{path}.com", f"= {shown(com)} m is beyond the end of the link: a number from 0 to {most} is needed"
 
 
-def _hop_faults(hop: Mapping[str, Any], joints: list[str]) -> Iterator[tuple[str, str]]:
+def _hop_faults(hop: Mapping[str, Any], joints: list[str], trunk: list[str]) -> Iterator[tuple[str, str]]:
     """Ranges that begin above their end; a mean speed, which only a periodic hop has; limits of a touchdown, which only hops
     that land have; names that no joint has."""
     for name in ("stance_duration", "flight_duration", "landing_duration"):
@@ -143,7 +144,7 @@ def _hop_faults(hop: Mapping[str, Any], joints: list[str]) -> Iterator[tuple[str
                 words = 'hops that land: set hop.kind = "landing" or "periodic", or remove it'
                 yield f"hop.{name}", f"= {shown(value)} is for {words}"
 
-    names, known = _texts(hop.get("above_ground")), [*joints, TRUNK, "foot"]
+    names, known = _texts(hop.get("above_ground")), [*joints, *trunk, "foot"]
     for name in dict.fromkeys(names):
         if joints and name not in known:
             yield "hop.above_ground", f"has {shown(name)}{did_you_mean(name, known)}: it takes {', '.join(known)}"

@@ -54,14 +54,14 @@ def answers(legs: Any, z: np.ndarray, contact: bool) -> np.ndarray:
 
 
 @kernel
-def slopes(legs: Any, z: np.ndarray, contact: bool, step: float) -> np.ndarray:
-    """How ``answer`` changes with each entry of k states z (k, 3 n), by central differences, (k, n + 2, 3 n)."""
+def slopes(legs: Any, z: np.ndarray, contact: bool, steps: np.ndarray) -> np.ndarray:
+    """How ``answer`` changes with each entry of k states z (k, 3 n), by central differences of steps (3 n), (k, n + 2, 3 n)."""
     mode = STICK if contact else FLIGHT
     found = np.zeros((len(z), z.shape[1] // 3 + 2, z.shape[1]))
     for k in range(len(z)):
         for j in range(z.shape[1]):
             more, less = z[k].copy(), z[k].copy()
-            more[j] += step
-            less[j] -= step
-            found[k, :, j] = (answer(legs[0], mode, more) - answer(legs[0], mode, less)) / (2 * step)
+            more[j] += steps[j]
+            less[j] -= steps[j]
+            found[k, :, j] = (answer(legs[0], mode, more) - answer(legs[0], mode, less)) / (2 * steps[j])
     return found
