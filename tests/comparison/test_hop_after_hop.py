@@ -131,7 +131,9 @@ def test_a_bouncing_mass_has_its_known_multiplier() -> None:
 @pytest.mark.slow
 def test_errors_of_the_papers_control_shrink_as_its_multiplier_says() -> None:
     """From a start half a radian a second off, the error is followed through three hops: the mean ratio of the last two."""
-    on = ReturnMap(leg(), three_hops().run.controller)
+    controller = three_hops().run.controller
+    assert controller is not None
+    on = ReturnMap(leg(), controller)
     z = state_at_landing(three_hops().run.trace)
     found = multipliers(on, z)
     assert found.closure < 1e-6

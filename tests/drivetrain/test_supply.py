@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hopopt.control.closed_loop import make_plant
+from hopopt.comparison.compare import reference_of
+from hopopt.control.closed_loop import make_plant, simulate
+from hopopt.control.strategies import BUILT_IN
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import Gear
@@ -19,9 +21,10 @@ from hopopt.ocp.guesses.feasibility import drives_too_weak
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from hopopt.sim.mujoco import replay
 from hopopt.verify.drives import losses
 from hopopt.verify.whole_hop import whole_hop_rollout
-from once import solved_once
+from once import plan_with_reserve, solved_once
 
 V, R_S = 48.0, 0.2
 HUGE = 1e9  # N m, that no motor gives
@@ -125,14 +128,21 @@ REAL = SUPPLY | {"supply.internal_resistance": 0.05, "leg.gear.efficiency": 0.7}
 
 @pytest.fixture(scope="module")
 def hop() -> Solution:
-    return solve(load("paper", REAL), starts=1)
+    """The plan to track, whose torques are calm, so that it is solved within seconds."""
+    return plan_with_reserve(REAL)
 
 
 @pytest.mark.slow
-def test_the_plan_replayed_in_one_piece_reaches_what_it_claims(hop: Solution) -> None:
+def test_a_plan_replayed_and_tracked_reaches_what_it_claims(hop: Solution) -> None:
+    """In one piece, by MuJoCo's dynamics, and by a controller on the plant."""
     assert hop.verified
+    assert hop.summary.supply is not None
+    assert 0.85 * V < hop.summary.supply.lowest_voltage_V < 0.92 * V
     found = whole_hop_rollout(hop.design, hop.tables)
     assert found.values["clearance_m"] == pytest.approx(hop.clearance, abs=1e-4)
+    assert replay(hop.robot, hop).lowest[-1] == pytest.approx(hop.clearance, rel=1e-2)
+    run = simulate(load("paper", REAL), BUILT_IN["track"], plan=reference_of(hop), past_apex=True)
+    assert run.figures.clearance == pytest.approx(hop.clearance, rel=2e-2)
 
 
 @pytest.mark.slow
@@ -167,9 +177,9 @@ def _heats(hop: Solution) -> list[float]:
 
 
 @pytest.mark.rarely
-def test_clearance_falls_as_efficiency_falls_and_as_the_supply_weakens(hop: Solution) -> None:
-    several = [{}, {"leg.gear.efficiency": 0.9}, {"leg.gear.efficiency": 0.7}]
-    found = [solve(load("paper", entries), starts=1).clearance for entries in several] + [hop.clearance]
+def test_clearance_falls_as_efficiency_falls_and_as_the_supply_weakens() -> None:
+    several = [{}, {"leg.gear.efficiency": 0.9}, {"leg.gear.efficiency": 0.7}, REAL]
+    found = [solve(load("paper", entries), starts=1).clearance for entries in several]
     assert all(a > b + 1e-3 for a, b in pairwise(found))
 
 
