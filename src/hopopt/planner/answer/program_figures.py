@@ -102,10 +102,12 @@ def own_active(solution: NlpSolution) -> dict[str, float]:
 
 
 def _own_range(t: Transcription, rows: Rows) -> np.ndarray:
-    """What one per cent of a user-defined limit is of: the distance of its two sides, or the size of its only one."""
+    """What one per cent of a user-defined limit is of: the distance of its two sides, or the size of its only one; of a limit at
+    zero its scale, which is 1 in the program."""
     lower, upper = t.lbg[rows.start : rows.stop], t.ubg[rows.start : rows.stop]
     both = np.isfinite(lower) & np.isfinite(upper)
     one = np.abs(np.where(np.isfinite(upper), upper, lower))
+    one[one == 0] = 1.0
     return np.where(both, np.subtract(upper, lower, out=np.zeros_like(one), where=both), one)
 
 
