@@ -74,7 +74,7 @@ def test_where_torques_may_jump_there_are_no_rates() -> None:
     for given in ({}, {"leg.knee.motor.torque_rate": RATE}):
         with pytest.raises(UsageError, match=r"rates are there where no torque can jump: give leg\.motor\.torque_rate"):
             Hop(load("paper", given), constraints=(custom(smooth_body),))
-        with pytest.raises(UsageError, match=r"contact\.force_rate needs torques that cannot jump"):
+        with pytest.raises(UsageError, match=r"contact\.force_rate needs leg\.motor\.torque_rate"):
             Hop(load("paper", {**given, "contact.force_rate": MOST}))
 
 

@@ -1,11 +1,14 @@
 """The shape of a body or a link: solids that collide, and whose lowest point counts."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from hopopt.design.fields import Number, Section, Vector, choice, quantity
 
+FLAT = 1e-9  # share of its length to which corners on one line differ from it
 Size = Annotated[float, Field(ge=1e-4, le=10, allow_inf_nan=False)]
 Corner = tuple[Number, Number]
 
@@ -16,7 +19,7 @@ class Shape(Section):
     box: tuple[Size, Size, Size] | None = choice("its lengths along x, y and z, about its origin", None, unit="m")
     polygon: tuple[Corner, ...] | None = choice(
         "its corners (x, z), of a solid that the leg does not pass beside", None, unit="m", min_length=3, max_length=64,
-        allowed="a list of corners [x, z], each number from -1000 to 1000,",
+        allowed="a list of at least three corners [x, z], each number from -1000 to 1000,",
     )  # fmt: skip
     points: tuple[Vector, ...] | None = choice(
         "whose hull it is (x, y, z); two points with a radius are a capsule", None, unit="m", min_length=1, max_length=200,
@@ -38,4 +41,13 @@ class Shape(Section):
             return f"{says}: give one of box, polygon and points"
         if self.points is not None and len(self.points) < 4 and self.radius == 0:
             return f"has {len(self.points)} points and no radius: give a radius, or at least four points"
+        if self.polygon is not None and _flat(self.polygon):
+            return "has its corners on one line: a polygon has an area"
         return ""
+
+
+def _flat(corners: Sequence[tuple[float, float]]) -> bool:
+    """Whether corners (x, z) [m] lie on one line."""
+    places = np.array(corners)
+    spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    return bool(spread[1] <= FLAT * spread[0])

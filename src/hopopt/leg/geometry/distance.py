@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from hopopt.design import Leg
 from hopopt.leg.geometry.hulls import coal, convex
-from hopopt.leg.geometry.solids import BODY, Solid, solids
+from hopopt.leg.geometry.solids import BODY, Solid, colliding
 from hopopt.leg.robot import BASE, build_robot
 
 
@@ -23,7 +23,7 @@ class Distances:
     """
 
     def __init__(self, leg: Leg, start: np.ndarray):
-        self.leg, self.solids = leg, solids(leg)
+        self.leg, self.solids = leg, colliding(leg)
         self._robot = build_robot(leg)
         self._model = pin.GeometryModel()
         for solid in self.solids:

@@ -16,7 +16,7 @@ from scipy.interpolate import make_interp_spline
 
 from hopopt.design import Design, Leg
 from hopopt.leg.geometry.distance import Distances
-from hopopt.leg.geometry.solids import has_shape, solids
+from hopopt.leg.geometry.solids import colliding, has_shape
 from hopopt.leg.kinematics import joint_positions, reach, spread, start_angles
 
 MARGIN = 0.005  # of the leg's reach: what is kept between solids
@@ -93,7 +93,7 @@ def _key(leg: Leg, start: np.ndarray) -> str:
     """All that the distances of a leg depend on, and where its hop starts (n) [rad]."""
     joints = [(joint.axis, joint.lower, joint.upper) for joint in leg.joint.values()]
     ends = joint_positions(leg, np.zeros(len(leg.joints)))
-    shapes = [(s.name, s.joint, s.radius, s.points.tobytes()) for s in solids(leg)]
+    shapes = [(s.name, s.joint, s.radius, s.points.tobytes()) for s in colliding(leg)]
     return repr((joints, ends.tobytes(), start.tobytes(), shapes))
 
 

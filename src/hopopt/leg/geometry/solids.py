@@ -15,6 +15,7 @@ from hopopt.leg.kinematics import joint_frames, joint_positions, planar, reach
 BODY = -1  # the joint of what does not move with any
 BESIDE = 2.0  # of the leg's reach: half the width of a polygon, which nothing passes beside
 SIDES = 12  # of the polygon about a link
+LINE = 1e-3  # of the leg's length: the radius of a link without a shape
 ROUND = 24  # corners of a circle in an outline
 
 
@@ -46,11 +47,28 @@ def solids(leg: Leg) -> tuple[Solid, ...]:
     return tuple(_solids(leg))
 
 
+def colliding(leg: Leg) -> tuple[Solid, ...]:
+    """All solids of a leg, and lines in place of links that have none."""
+    found = solids(leg)
+    ends, there = _ends(leg), {solid.joint for solid in found}
+    lines = (
+        Solid(link, k, np.array([np.zeros(3), ends[k]]), LINE * leg.length)
+        for k, link in enumerate(leg.links)
+        if k not in there
+    )
+    return (*found, *lines)
+
+
+def _ends(leg: Leg) -> np.ndarray:
+    """Where each link ends (n, 3) [m], from its joint, all joint angles zero."""
+    return np.diff(joint_positions(leg, np.zeros(len(leg.joints))), axis=0)
+
+
 def _solids(leg: Leg) -> Iterator[Solid]:
     width = BESIDE * reach(leg)
     for name, shape in (leg.body.shapes or {}).items():
         yield Solid(name, BODY, corners(shape, width), shape.radius, shape.counts)
-    ends = np.diff(joint_positions(leg, np.zeros(len(leg.joints))), axis=0)
+    ends = _ends(leg)
     for k, link in enumerate(leg.links):
         entry = leg.link[link]
         if entry.radius:

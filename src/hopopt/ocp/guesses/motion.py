@@ -66,8 +66,8 @@ class MovingLeg:
                 )
         if design.contact.force_rate is not None and not self.no_jumps:
             raise UsageError(
-                f"{design.name}: contact.force_rate needs torques that cannot jump, nor forces with them: give "
-                "leg.motor.torque_rate too"
+                f"{design.name}: where a torque jumps the ground force does too, so contact.force_rate needs leg.motor.torque_rate: "
+                "give it for every motor"
             )
 
     @property

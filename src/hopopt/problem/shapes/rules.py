@@ -34,7 +34,7 @@ def trunk_rules(leg: Leg, start: StartPose, hop: HopSettings, report: Report) ->
     if low < hop.least_height - ROUNDING:
         entry = "hip_height" if angles is None else "joint_angles"
         words = f"puts the trunk {hop.least_height - low:.3f} m too low, below the ground or hop.least_height"
-        report.add(f"start.{entry}", f"{words}: start higher, or leave trunk out of hop.above_ground")
+        report.add(f"start.{entry}", f"{words}: move the shape, or start higher")
 
 
 def _shapes(leg: Leg) -> Iterator[tuple[str, str, Shape]]:

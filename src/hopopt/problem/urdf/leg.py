@@ -87,7 +87,8 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
     if kind is None:
         for name in given:
             report.add(
-                f"leg.{name}", "has a meaning only beside leg.urdf or leg.mjcf: give one of them too, or take it out"
+                f"leg.{name}",
+                f"has a meaning only beside {'leg.urdf' if name == GEOMETRY else 'leg.urdf or leg.mjcf'}: give it too, or take this out",
             )
         return {**data, "leg": rest}
     if not _usable(kind, given, rest, report):

@@ -79,6 +79,9 @@ def pairs(entries: Mapping[str, Entry], only: Sequence[str] | None = None) -> li
         entries = {name: e for name, e in entries.items() if any(fnmatchcase(name, pattern) for pattern in only)}
     motors, geared = with_part("motor", entries), with_part("gear", entries)
     gears = [e for name, e in geared.items() if name not in motors]
+    if only is not None and not (motors and (gears or motors.keys() & geared.keys())):
+        lacks = "gear" if motors else "motor"
+        raise UsageError(f"--only {','.join(only)} names no {lacks}: give patterns for both, such as maxon-ec60*,csf-*")
     modules = [_pair(e, e) for name, e in motors.items() if name in geared]
     alone = (e for name, e in motors.items() if name not in geared or "motor" in e.masses)
     return [*modules, *(_pair(motor, gear) for motor in alone for gear in gears)]
