@@ -57,6 +57,20 @@ def paper_leg(tmp_path: Path, text: str = SHAPES) -> Design:
     return load(tmp_path / "shaped.toml")
 
 
+def test_a_link_without_a_shape_is_a_line_that_counts(tmp_path: Path) -> None:
+    """A ball on the shank of the start pose, and one a hand's breadth beside it: the distance from the line, less the radius."""
+    start = start_angles(load("paper"))
+    knee, foot = joint_positions(load("paper").leg, start)[-2:]
+    middle, across = (knee + foot) / 2, np.array([foot[2] - knee[2], 0.0, knee[0] - foot[0]])
+    across /= np.linalg.norm(across)
+    for away in (0.0, 0.1):
+        at = (middle + away * across).tolist()
+        leg = paper_leg(tmp_path, f"[leg.body.shapes.ball]\npoints = [[0.0, 0.0, 0.0]]\nradius = 0.02\nat = {at}\n").leg
+        found = Distances(leg, start)
+        distances = dict(zip(map(found.names, found.pairs), found.all(start[None])[0], strict=True))
+        assert distances["shank", "ball"] == pytest.approx(away - 0.02, abs=1e-3 * leg.length + 1e-9)
+
+
 def between(leg: Leg, one: Solid, two: Solid, q: np.ndarray) -> float:
     """The distance of two solids that do not overlap: over all mixtures of their points, by SciPy."""
     a, b = placed(leg, one, q), placed(leg, two, q)
