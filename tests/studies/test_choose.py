@@ -17,6 +17,7 @@ from hopopt.studies.choose.choice import CLEARS, DROPPED, FAILS, UNWEIGHED, WEAK
 from hopopt.studies.choose.pairs import drives, pairs
 from hopopt.studies.choose.run import choose, written
 from hopopt.studies.maps.pieces import pieces
+from hopopt.studies.maps.run import map_in
 from hopopt.studies.sweep.definition import Axis, Definition
 from hopopt.verify.upper_bound import upper_bound
 from once import solved_once
@@ -87,6 +88,8 @@ def test_what_cannot_be_asked_gets_one_sentence() -> None:
     for wrong in ({"clearance": -1.0}, {"by": "colour"}, {"joints": ["ankle"]}, {"legs": 0}, {"verify": -1}):
         with pytest.raises(UsageError):
             choose(design, **{"clearance": 0.5, **wrong})
+    with pytest.raises(UsageError, match=r"--only maxon-ec60\* names no gear: give patterns for both"):
+        choose(design, 0.5, only=["maxon-ec60*"])
 
 
 @pytest.mark.rarely
@@ -96,6 +99,10 @@ def test_the_first_pair_is_verified_and_its_written_leg_hops_as_high(tmp_path: P
     found = choose(design, 0.3, verify=1, starts=2, processes=1, results=tmp_path, entries=some())
     first = found.clearing[0]
     assert found.exit_code == 0
+    assert found.folder is not None
+    assert len(map_in(found.folder).points) == len(
+        [c for c in found.candidates if c.outcome not in (UNWEIGHED, DROPPED, WEAK)]
+    )
     assert first.verified is not None
     assert first.verified >= 0.3
     again: Design = written(found, first)

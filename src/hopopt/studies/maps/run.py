@@ -103,7 +103,7 @@ def map_in(folder: Path) -> Map:
     first = read_part(folder, FIRST, 0, definition)
     if first is None:
         raise ResultError(f"{folder}: no point of this map is finished: hopopt sweep --resume {folder}")
-    (begin, _), *_ = first.exits.items()
+    begin = next(iter(first.exits), 0)  # a list has none
     parts = [p for piece in pieces(definition, begin) if (p := read_part(folder, PIECE, piece.number, definition))]
     for kind in (f"{AGAIN}-{number}" for number in range(1, PASSES + 1)):
         parts += [p for n in range(len(definition.points)) if (p := read_part(folder, kind, n, definition))]
@@ -219,6 +219,8 @@ class _Work:
         """The chosen points solved and verified in full, from their hops on the first mesh and by a search of their own."""
         done = load_points(self.folder, self.definition).get(0, {})
         waiting = [k for k in chosen if k not in done]
+        if waiting:
+            self.say(f"designs to be verified: {len(waiting)}, one after the other on each core")
         count_down = Countdown(self.say, "designs to be verified", len(waiting))
         while waiting or self.crew.busy:
             for k in waiting[: self.crew.free]:
