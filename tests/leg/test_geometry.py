@@ -57,6 +57,13 @@ def paper_leg(tmp_path: Path, text: str = SHAPES) -> Design:
     return load(tmp_path / "shaped.toml")
 
 
+def test_a_margin_that_cannot_be_kept_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        UsageError, match=r"hop\.collision_margin = 0\.1 m is more than 0\.03 of the leg's length: at most 0\.0222"
+    ):
+        paper_leg(tmp_path, SHAPES + "[hop]\ncollision_margin = 0.1\n")
+
+
 def test_a_link_without_a_shape_is_a_line_that_counts(tmp_path: Path) -> None:
     """A ball on the shank of the start pose, and one a hand's breadth beside it: the distance from the line, less the radius."""
     start = start_angles(load("paper"))

@@ -140,6 +140,20 @@ def test_drives_are_those_of_joints_and_actuators(read: Callable[..., Leg]) -> N
     assert drives(read(bare))[0][1:4] == (0, None, None)
 
 
+def test_a_file_that_mujoco_has_saved_says_the_same(read: Callable[..., Leg], tmp_path: Path) -> None:
+    """It writes motors as <general>; and names of the outermost class, ranges of nothing and orders of turns are read as it does."""
+    model = mujoco.MjModel.from_xml_string(ROBOT)
+    mujoco.mj_saveLastXML(str(tmp_path / "saved.xml"), model)
+    saved = (tmp_path / "saved.xml").read_text()
+    assert "<general" in saved
+    assert [x[0] for x in drives(read(saved))] == [36, 25]
+    assert drives(read(ROBOT.replace("<default>", '<default class="robot">'))) == drives(read())
+    free = read(ROBOT.replace('name="kfe" class="knee"', 'name="kfe" class="knee" actuatorfrcrange="0 0"'))
+    assert drives(free)[1][0] == pytest.approx(9 * 3.5)
+    with pytest.raises(ProblemFileError, match="all small or all large"):
+        read(ROBOT.replace('eulerseq="xyz"', 'eulerseq="xYz"'))
+
+
 @pytest.mark.parametrize("name", ["paper", "three_joint"])
 def test_a_leg_is_the_same_from_both_files(name: str) -> None:
     """As exported; in MuJoCo's with the rotors that the URDF has in comments."""

@@ -18,7 +18,7 @@ from hopopt.leg.inertia import PAIRS
 
 WORLD = "world"  # link that the robot hangs on
 KINDS = {"hinge": "revolute", "slide": "prismatic", "free": "floating", "ball": "fixed"}
-TAKES_TORQUE = ("motor",)  # actuators whose control is a force, so that its range limits that
+FORCE_BY_DEFAULT = {"dyntype": "none", "gaintype": "fixed", "biastype": "none"}  # of <general>: its control is a force
 NOT_READ = (
     "include",
     "replicate",
@@ -165,11 +165,9 @@ class _Robot:
             joint, where = given.get("joint") or given.get("jointinparent"), f"actuator {quoted(given.get('name', ''))}"
             if not joint:
                 continue
-            ranges = [
-                ("forcerange", "forcelimited"),
-                *([("ctrlrange", "ctrllimited")] if element.tag in TAKES_TORQUE else []),
-            ]
-            force = min(_least(self.compiler.limits(given, name, where, said)) for name, said in ranges)
+            force = _least(self.compiler.limits(given, "forcerange", where, "forcelimited"))
+            if gain := _gain(element.tag, given, where):
+                force = min(force, gain * _least(self.compiler.limits(given, "ctrlrange", where, "ctrllimited")))
             (gear,) = decimals(" ".join(given.get("gear", "1").split()[:1]), 1, f"{where} has a gear", LARGEST)
             found[joint] = min(found.get(joint, inf), abs(gear) * force)
         return found
@@ -246,6 +244,16 @@ class _Robot:
         ET.SubElement(made, "origin", xyz=_text(place.translation), rpy=_text(pin.rpy.matrixToRpy(place.rotation)))
         self.joints[name], self.above[child] = made, parent
         return made
+
+
+def _gain(tag: str, given: Mapping[str, str], where: str) -> float:
+    """The force of an actuator for each unit of its control, where that is a force; 0 where it is something else."""
+    if tag == "motor":
+        return 1.0
+    if tag != "general" or any(given.get(key, usual) != usual for key, usual in FORCE_BY_DEFAULT.items()):
+        return 0.0
+    (gain,) = decimals(" ".join(given.get("gainprm", "1").split()[:1]), 1, f"{where} has a gainprm", LARGEST)
+    return abs(gain)
 
 
 def _least(limits: tuple[float, float]) -> float:

@@ -36,6 +36,8 @@ class Defaults:
     @classmethod
     def of(cls, root: ET.Element) -> "Defaults":
         found, todo = cls(), [(top, "main") for top in root.findall("default")]
+        for top, _ in todo:  # whatever its name is, it is every element's
+            found.classes[top.get("class", "main")] = found.classes["main"]
         while todo:
             element, above = todo.pop(0)
             name = element.get("class", "main")
@@ -73,8 +75,10 @@ class Compiler:
         if next(iter(numbers(said, "settotalmass", "<compiler>")), 0.0) > 0:
             raise UrdfError(f"has a <compiler> that sets the total mass: {FLAT}")
         order = said.get("eulerseq", "xyz")
-        if len(order) != 3 or set(order.lower()) - set("xyz"):
-            raise UrdfError(f"has <compiler eulerseq={quoted(order)}>: three letters of x, y and z are needed")
+        if len(order) != 3 or set(order.lower()) - set("xyz") or not (order.islower() or order.isupper()):
+            raise UrdfError(
+                f"has <compiler eulerseq={quoted(order)}>: three letters of x, y and z are needed, all small or all large"
+            )
         return cls(1.0 if said.get("angle") == "radian" else np.pi / 180, order, said.get("autolimits") != "false")
 
     def limits(self, given: Mapping[str, str], name: str, where: str, said: str) -> tuple[float, float]:
@@ -83,7 +87,7 @@ class Compiler:
         if name not in given or limited == "false" or (limited == "auto" and not self.auto):
             return -inf, inf
         low, high = numbers(given, name, where, 2)
-        return low, high
+        return (-inf, inf) if limited == "auto" and low == high == 0 else (low, high)
 
     def placement(self, given: Mapping[str, str], where: str) -> Placement:
         """Where an element sits in its body, by position and one of the ways to say how it is turned."""

@@ -39,7 +39,7 @@ def collision_shapes(
     for look in visuals(raw, folder, joints, foot, locked, "collision"):
         points, radius = _hull(look)
         points = points @ look.rotation.T + look.position
-        if look.joint == BODY and np.linalg.norm(points, axis=1).min() - radius > AWAY * reach:
+        if look.joint == BODY and _nearest(points) - radius > AWAY * reach:
             continue
         shapes = found.setdefault(look.joint, {})
         rounding = np.sqrt(3) * 0.5 * 10.0**-DIGITS if radius or len(points) > len(_BOX) else 0.0
@@ -108,6 +108,15 @@ def fewer(corners: np.ndarray) -> tuple[np.ndarray, float]:
             break
         chosen += worst[: min(MOST_POINTS - len(chosen), len(chosen))]
     return corners[chosen], _farthest(corners[chosen], corners)
+
+
+def _nearest(points: np.ndarray) -> float:
+    """The distance [m] of the hull of points (k, 3) from the first joint, by coal; not above zero if that lies inside."""
+    solid = convex(points) if len(points) > 1 else coal.Sphere(0.0)
+    place = coal.Transform3s() if len(points) > 1 else coal.Transform3s(np.eye(3), points[0])
+    return coal.distance(
+        solid, place, coal.Sphere(0.0), coal.Transform3s(), coal.DistanceRequest(), coal.DistanceResult()
+    )
 
 
 def _farthest(points: np.ndarray, corners: np.ndarray) -> float:

@@ -14,7 +14,7 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import entry_rules, start_rules, stated_once
 from hopopt.problem.checking.wording import allowed, did_you_mean, hint, is_number
 from hopopt.problem.render import shown, shown_path
-from hopopt.problem.shapes.rules import shape_rules, trunk_rules
+from hopopt.problem.shapes.rules import margin_rules, shape_rules, trunk_rules
 from hopopt.problem.urdf.leg import ENTRIES
 
 NEEDED = {  # what to write where a whole section is missing
@@ -50,6 +50,7 @@ def check(data: dict[str, Any], report: Report, without_modules: bool = False) -
         shape_rules(leg, report)
     if design and sound("leg"):
         heat_rules(design.leg, design.ambient, report)
+        margin_rules(design.leg, design.hop, report)
     if (leg := sound("leg")) and (simulation := sound("simulation")):
         loss_rules(leg, simulation, report)
     if start := sound("start"):

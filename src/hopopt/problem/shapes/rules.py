@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from hopopt.design import HopSettings, Leg, StartPose
 from hopopt.design.fields import TRUNK
 from hopopt.design.geometry.shape import Shape
-from hopopt.leg.geometry.solids import counted_points
+from hopopt.leg.geometry.smooth import NEAR, STEPS
+from hopopt.leg.geometry.solids import counted_points, has_shape
 from hopopt.leg.kinematics import joint_positions
 from hopopt.problem.checking.faults import Report
 
@@ -35,6 +36,19 @@ def trunk_rules(leg: Leg, start: StartPose, hop: HopSettings, report: Report) ->
         entry = "hip_height" if angles is None else "joint_angles"
         words = f"puts the trunk {hop.least_height - low:.3f} m too low, below the ground or hop.least_height"
         report.add(f"start.{entry}", f"{words}: move the shape, or start higher")
+
+
+def margin_rules(leg: Leg, hop: HopSettings, report: Report) -> None:
+    """Report a margin that the planner cannot keep: beyond what its distances tell precisely, or on a leg that no grid holds."""
+    margin, most = hop.collision_margin, NEAR * leg.length
+    if margin is None or not has_shape(leg) or hop.may_collide:
+        return
+    if len(leg.joints) > max(STEPS):
+        words = f"a leg of {len(leg.joints)} joints is measured, and not kept away: leave it out"
+        report.add("hop.collision_margin", f"= {margin:g} m cannot be kept: {words}")
+    elif margin > most:
+        words = f"more than {NEAR:g} of the leg's length: at most {most:.4g} m, or a larger radius of the shapes"
+        report.add("hop.collision_margin", f"= {margin:g} m is {words}")
 
 
 def _shapes(leg: Leg) -> Iterator[tuple[str, str, Shape]]:
