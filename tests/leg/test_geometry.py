@@ -76,6 +76,9 @@ def test_a_link_without_a_shape_is_a_line_that_counts(tmp_path: Path) -> None:
         found = Distances(leg, start)
         distances = dict(zip(map(found.names, found.pairs), found.all(start[None])[0], strict=True))
         assert distances["shank", "ball"] == pytest.approx(away - 0.02, abs=1e-3 * leg.length + 1e-9)
+    text = f"[leg.body.shapes.ball]\npoints = [[0.0, 0.0, 0.0]]\nradius = 0.02\nat = {middle.tolist()}\n"
+    with pytest.raises(UsageError, match=r"shank is 0\.02\d* m inside ball where the hop starts: start otherwise"):
+        Hop(paper_leg(tmp_path, text)).problem  # noqa: B018
 
 
 def between(leg: Leg, one: Solid, two: Solid, q: np.ndarray) -> float:

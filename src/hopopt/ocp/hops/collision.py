@@ -5,6 +5,9 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.leg.geometry.distance import Distances
 from hopopt.leg.geometry.smooth import clearances, margin_of
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.limit_id import Kind, LimitId
@@ -17,12 +20,16 @@ FROM_START = 1e-6  # of the leg's reach: what the start pose has left
 
 def collision(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     """Every link at least hop.collision_margin from what it moves against [m], and as much further as the smooth distance may
-    err; where the hop starts nearer, no nearer than there."""
+    err; where the hop starts nearer, no nearer than there. UsageError where solids enter each other at the start."""
     found = clearances(leg.design)
     if found is None or not found.links:
         return ()
     joints = {name: k + 1 for k, name in enumerate(leg.leg.links)}
     start, margin = start_angles(leg.design), margin_of(leg.design)
+
+    at_start = [float(np.array(link.function(start[: joints[link.link]])).item()) for link in found.links]
+    if any(distance < -link.error for distance, link in zip(at_start, found.links, strict=True)):
+        raise UsageError(f"{leg.design.name}: {_overlap(leg.design, start)}")
 
     def value(s: Instant) -> ca.SX:
         return ca.vertcat(*[link.function(s.q[: joints[link.link]]) for link in found.links])
@@ -30,12 +37,23 @@ def collision(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     least = [
         min(
             found.levelled(margin + link.error),
-            float(np.array(link.function(start[: joints[link.link]])).item()) - FROM_START * found.reach,
+            distance - FROM_START * found.reach,
         )
-        for link in found.links
+        for distance, link in zip(at_start, found.links, strict=True)
     ]
     labels = tuple(link.link for link in found.links)
     return (PathConstraint(COLLISION, value, least, scale=leg.reach, unit="m", labels=labels, smooth=False),)
+
+
+def _overlap(design: Design, start: np.ndarray) -> str:
+    """Which solids enter each other at angles (n) [rad] of the start, and what to do."""
+    solids = Distances(design.leg, start)
+    distances = solids.all(start[None])[0]
+    names, depth = solids.names(solids.pairs[int(distances.argmin())]), -float(distances.min())
+    return (
+        f"{names[0]} is {depth:.3g} m inside {names[1]} where the hop starts: start otherwise, move or shrink the shapes, or set "
+        "hop.may_collide = true"
+    )
 
 
 def slack(leg: MovingLeg, q: ca.SX) -> ca.SX:
