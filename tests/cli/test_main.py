@@ -272,7 +272,7 @@ def test_it_runs_as_a_module_too(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_several_starts_side_by_side(tmp_path: Path) -> None:
     done = said("solve", "--json", "--no-figures", "--starts", "5", "--set", "solver.refine=false", cwd=tmp_path)
     s = json.loads(done.stdout)
@@ -337,7 +337,7 @@ SHORT = [
 ]  # few intervals and periods
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the user-defined strategy that docs/own_controller.md shows."""
     shown = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "own_controller.md").read_text(), re.S)[0]

@@ -162,7 +162,7 @@ def test_no_share_is_told_of_what_is_no_bound_for_it(solution):
     assert paper_strategy(dataclasses.replace(solution, design=load("three_joint"))) is None  # the strategy needs two
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_leg_on_a_slider_tracks_its_optimum_and_no_strategy_passes_it():
     found = compare(load("paper", ['leg.guides=["z"]', "leg.body.mass=5", "solver.starts=1"]), ["track", "force_tuck"])
     rows = found.as_dict()["strategies"]
@@ -622,7 +622,7 @@ def test_a_plan_that_suits_no_simulation_of_the_leg_is_refused(solution, tmp_pat
         assert why in refusal(["simulate", *words], capsys)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_all_rows_of_a_similar_leg_are_the_papers(solution, monkeypatch):
     """A quarter as large: nothing is given but what makes it a copy, and what is asked of it. Tuned rows are each leg's own."""
     names = ["force", "force_tuck", "position_tuck", "track", "track_pd"]

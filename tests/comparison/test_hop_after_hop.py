@@ -128,7 +128,7 @@ def test_a_bouncing_mass_has_its_known_multiplier() -> None:
     assert abs(found.closure) < 1e-9
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_errors_of_the_papers_control_shrink_as_its_multiplier_says() -> None:
     """From a start half a radian a second off, the error is followed through three hops: the mean ratio of the last two."""
     controller = three_hops().run.controller
@@ -296,7 +296,7 @@ def test_drawn_legs_are_tried_on_the_same_plan() -> None:
     assert first[1] == pytest.approx(alone.kept, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = [
         "compare",

@@ -25,7 +25,7 @@ def highest(**more: float) -> Solution:
     return solved_once({**PERIODIC, **entries})
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 @pytest.mark.parametrize(
     ("more", "names"),
     [
@@ -51,7 +51,7 @@ def test_sensitivities_agree_with_solving_again(more: dict[str, float], names: t
         assert abs(again.central) > 10 * again.noise
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_points_of_a_sweep_are_those_of_solve(tmp_path: Path) -> None:
     vary = {"leg.gear.ratio": [90.0, 100.0]}
     study = sweep(load("paper", PERIODIC), vary, starts=1, processes=1, results=tmp_path)
@@ -63,7 +63,7 @@ def test_points_of_a_sweep_are_those_of_solve(tmp_path: Path) -> None:
     assert smaller_ratio > alone[0]
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_codesign_is_no_worse_than_what_was_given() -> None:
     """At the shank length that it finds, solving for the hop alone gives the same clearance."""
     found = codesign(load("paper", PERIODIC), {"leg.shank.length": (0.34, 0.38)}, starts=1, processes=1)

@@ -149,7 +149,7 @@ def test_what_is_stated_is_the_problem_of_the_hops() -> None:
     assert found.design.contact.friction == 0.7
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_no_way_is_said_with_what_is_missed() -> None:
     """Half a metre a hop and 3 m/s at once is too much for one hop."""
     fast = orbit(hop__speed=3.0)

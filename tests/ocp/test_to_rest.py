@@ -41,7 +41,7 @@ def test_a_soft_landing_costs_no_height() -> None:
     assert soft().clearance == pytest.approx(single.clearance, abs=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_with_free_switch_times_it_is_the_same_hop() -> None:
     again = solve(load("paper", SOFT), starts=1, processes=1, structure=True)
     assert again.verified
@@ -123,7 +123,7 @@ def test_sensitivities_of_the_touchdown_and_of_the_landing() -> None:
     assert (more.clearance - plan.clearance) / 0.0005 == pytest.approx(slope, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_softest_and_the_quickest() -> None:
     """The softest loses next to nothing; the quickest is quicker, and no quicker than a fall from the clearance."""
     asked = {"hop.kind": "landing", "hop.clearance": 0.3}

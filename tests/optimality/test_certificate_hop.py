@@ -275,7 +275,7 @@ def test_structure_agrees_with_the_torques(hop: Solution) -> None:
     assert checked > 3
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 @pytest.mark.parametrize("name", ["paper", "paper_no_countermovement"])
 def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
     """Verified and certified, within the tightening cost; torques jump at edges of the mesh. The

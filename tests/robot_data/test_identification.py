@@ -208,7 +208,7 @@ def test_the_noise_of_the_sensors_is_told_too(found: Identification) -> None:
     assert found.lags["lag"] == pytest.approx(-0.125e-3, abs=0.03e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_fifty_logs_are_right_and_their_intervals_hold_the_truth(believed: Design, recording: Recording) -> None:
     """Every parameter within 2 % in all of them, its 95 % interval around the truth in at least 45."""
     held = dict.fromkeys(TRUTH, 0)

@@ -153,7 +153,7 @@ def test_the_difference_is_that_of_verified_points_alone(small: Map) -> None:
     assert json.loads(json.dumps(found.as_dict()["difference_of_sample"]))["most"] == pytest.approx(0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_first_mesh_is_near_what_is_verified(tmp_path: Path) -> None:
     """On the paper's leg: five designs drawn, and the best, beside full solves of their own."""
     found = ho.sweep(

@@ -530,7 +530,7 @@ OTHER_MESHES = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("problem", ["paper", "go2_leg"])
+@pytest.mark.parametrize("problem", ["paper", pytest.param("go2_leg", marks=pytest.mark.rarely)])
 def test_derivatives_are_known_within_their_errors(problem: str) -> None:
     """On other meshes they differ by no more; and solving anew with 1 % more and less gives what is said, within both errors."""
     at = solved_once(problem=problem)
@@ -548,7 +548,7 @@ def test_derivatives_are_known_within_their_errors(problem: str) -> None:
     assert abs((more - less) / (0.02 * most.value) - most.per_unit) <= errors[most.name] + of_mesh
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_of_an_energy_too_in_joules() -> None:
     """What a clearance costs, and what one more of an entry saves: against solving again."""
     low, at, high = (solved_once({"hop.clearance": x}, "energy") for x in (0.295, 0.3, 0.305))

@@ -31,7 +31,7 @@ def workers_of(parent: int) -> list[int]:
     return [pid for pid in descendants(parent) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds the workers through /proc")
 def test_a_worker_killed_on_the_way_costs_nothing(tmp_path: Path, expected: list[dict[str, str]]) -> None:
     sets = [word for entry in CHEAP for word in ("--set", entry)]
