@@ -75,7 +75,7 @@ def test_where_no_pd_strategy_hops_the_comparison_stays(
     hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The ladder is left out with a sentence; all else was found and is kept."""
-    monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, say: plan_with_reserve())
+    monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, *rest: plan_with_reserve())
     words = ["compare", "paper", "--strategies", "track", "--why", "--no-figures", "--json", "--results", str(tmp_path)]
     assert run([*words, "--bound", str(save(hop, tmp_path).result_dir)]) == 0
     answer = json.loads(capsys.readouterr().out)

@@ -113,7 +113,7 @@ def test_every_command_runs(
             capfd.readouterr()
             continue
         if (
-            words[0] in ("new", "log", "identify", "view")
+            words[0] in ("new", "log", "identify", "view", "choose")
             or {"obstacle", "--cross-check"} & {*words}
             or (words[0] == "compare" and "periodic" in words)
         ):
