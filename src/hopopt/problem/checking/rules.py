@@ -32,6 +32,8 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
         found += _link_faults(f"leg.{name}", _table(leg, name))
     found += _far_masses({f"leg.{name}": _table(leg, name) for name in links})
     found += _parameter_faults(_table(data, "parameters"))
+    if is_number(legs := _table(leg, "body").get("legs")) and not float(legs).is_integer():
+        found.append(("leg.body.legs", f"= {shown(legs)} is not allowed: a whole number of legs is needed"))
     trunk = [TRUNK] if _table(_table(leg, "body"), "shapes") else []
     for path, words in (*found, *_hop_faults(hop, joints, trunk)):
         if path not in refused:
