@@ -65,7 +65,7 @@ def build(folder: Path) -> int:
 
 def write_source(source: Path) -> None:
     """All pages, those written from the code too."""
-    shutil.copytree(ROOT / "docs", source, ignore=shutil.ignore_patterns("*.py", "__pycache__", "index.md"))
+    shutil.copytree(ROOT / "docs", source, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
     shutil.copytree(
         ROOT / "notebooks", source / "notebooks", ignore=shutil.ignore_patterns("*.py", ".ipynb_checkpoints")
     )
@@ -88,10 +88,15 @@ def index_page(source: Path) -> str:
     head = (ROOT / "README.md").read_text(encoding="utf-8").partition("\n## ")[0]
     lines = [re.sub(r"\]\(docs/", "](", head).strip(), ""]
     for part, names in PARTS.items():
-        pages = [p.relative_to(source).with_suffix("") for n in names for p in sorted(source.glob(n)) if p.is_file()]
-        entries = [str(p) for p in pages] or list(names)
+        entries = [entry for name in names for entry in _entries(source, name)]
         lines += ["```{toctree}", ":maxdepth: 1", f":caption: {part}", "", *entries, "```", ""]
     return "\n".join(lines)
+
+
+def _entries(source: Path, name: str) -> list[str]:
+    """The pages that a name of PARTS stands for."""
+    found = [str(path.relative_to(source).with_suffix("")) for path in sorted(source.glob(name)) if path.is_file()]
+    return found or [name]
 
 
 def key_page() -> str:

@@ -156,7 +156,7 @@ def hop() -> Solution:
     return solve(load("paper", TABLE), starts=1)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_plan_is_verified_and_replayed_in_one_piece(hop: Solution) -> None:
     assert hop.verified
     found = whole_hop_rollout(hop.design, hop.tables)

@@ -202,7 +202,7 @@ def test_a_soft_landing() -> None:
     assert not found["energy lost at touchdown"]
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_limits_of_the_impact_hold_together_and_a_hop_travels() -> None:
     """0.710 to 0.713 m with a gear impulse of at most 0.2 N m s by another program; a mean speed is kept."""
     soft = highest(touchdown_gear_torque=20.0, touchdown_speed=2.0, touchdown_loss=1.0).summary
