@@ -27,8 +27,16 @@ Q = "example-robot-data"
 
 @dataclass(frozen=True)
 class Leg:
-    """A robot's leg: its file, joints from the body to the foot, the foot's link and point [m], how many legs carry the body,
-    angles at the start [rad], lines of the table [leg] for what the file lacks, and joints that are locked elsewhere than at 0."""
+    """A robot's leg.
+
+    file: of the robot, below example-robot-data
+    joints: from the body to the foot
+    foot, point: the foot's link, and the foot in its frame [m]
+    legs: how many carry the body
+    start: angles of the joints [rad]
+    lacks: lines of the table [leg] for what the file lacks
+    locked: joints that are held elsewhere than at 0, with their angles [rad]
+    """
 
     file: str
     joints: tuple[str, ...]

@@ -31,16 +31,6 @@ VERBS = {name: getattr(ho, name) for name in ho.__all__ if inspect.isfunction(ge
 CHEAP = {"solver.stance_intervals": 8, "solver.flight_intervals": 4, "solver.refine": False}
 
 
-@pytest.fixture(scope="module")
-def hop(hop: solution.Solution) -> ho.Solution:
-    return ho.Solution.with_methods(hop)
-
-
-@pytest.fixture(scope="module")
-def comparison(hop: ho.Solution) -> ho.Comparison:
-    return hop.compare("force")
-
-
 # ---- what an editor sees -----------------------------------------------------------------------------------------
 
 

@@ -10,19 +10,8 @@ import pytest
 
 import hopopt as ho
 from hopopt.errors import UsageError
-from hopopt.planner import solution
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point_file import NOT_SOLVED, VERIFIED, Point
-
-
-@pytest.fixture(scope="module")
-def hop(hop: solution.Solution) -> ho.Solution:
-    return ho.Solution.with_methods(hop)
-
-
-@pytest.fixture(scope="module")
-def comparison(hop: ho.Solution) -> ho.Comparison:
-    return hop.compare("force")
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from hopopt.control.closed_loop import simulate
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import find
 from hopopt.errors import ResultError, UsageError
-from hopopt.planner import solution
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.several_hops import HopsPlan
 from hopopt.sim.controller import Measurement
@@ -26,16 +25,6 @@ from stored_results import robust_hop, stored_front, stored_study
 
 QUICK = {"simulation.control_rate": 500}
 RATIOS = {"leg.gear.ratio": [80, 90, 100]}
-
-
-@pytest.fixture(scope="module")
-def hop(hop: solution.Solution) -> ho.Solution:
-    return ho.Solution.with_methods(hop)
-
-
-@pytest.fixture(scope="module")
-def comparison(hop: ho.Solution) -> ho.Comparison:
-    return hop.compare("force")
 
 
 class Still:

@@ -1,12 +1,12 @@
 """What README and the pages of docs name is there; the pictures are those of today; sentences are short."""
 
-import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 import yaml
+
+from scripts import script
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -41,16 +41,6 @@ def paragraphs(text: str) -> list[str]:
 
 def sentences(text: str) -> list[str]:
     return [s for p in paragraphs(text) for s in re.split(r"(?<=[.?!])[)\"*`\]]*\s+", p)]
-
-
-def script() -> ModuleType:
-    """docs/draw_packages.py"""
-    spec = importlib.util.spec_from_file_location("draw_packages", DOCS / "draw_packages.py")
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids)
@@ -135,7 +125,7 @@ def test_pictures_are_small() -> None:
 
 def test_the_picture_of_the_packages_is_that_of_today() -> None:
     """After a change of imports: python docs/draw_packages.py"""
-    module = script()
+    module = script("draw_packages")
     assert text_of(module.PICTURE) == module.drawn()
 
 

@@ -1,11 +1,10 @@
 """The reference of the Python interface: written from docstrings, whole, and its examples run."""
 
-import importlib.util
 import inspect
 import re
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -18,23 +17,13 @@ from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.several_hops import HopsPlan
 from hopopt.robot_data.identification import Identification
 from hopopt.studies.choose.choice import Choice
+from scripts import script
 from stored_results import robust_hop, stored_front, stored_study
 
 DOCS = Path(__file__).parents[2] / "docs"
 MOST_WORDS = 1500
 
-
-def script() -> ModuleType:
-    """docs/write_reference.py"""
-    spec = importlib.util.spec_from_file_location("write_reference", DOCS / "write_reference.py")
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-WRITER = script()
+WRITER = script("write_reference")
 PAGES: dict[str, str] = WRITER.pages()
 
 

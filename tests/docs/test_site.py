@@ -1,6 +1,5 @@
 """The documentation site: its reference pages say what the code says, and it builds offline without a warning."""
 
-import importlib.util
 import os
 import re
 import subprocess
@@ -13,18 +12,14 @@ import pytest
 from hopopt.cli.main import COMMANDS, app
 from hopopt.problem.load import builtin_names, load
 from hopopt.problem.render import rows
+from scripts import script
 
 DOCS = Path(__file__).parents[2] / "docs"
 
 
 @pytest.fixture(scope="module")
 def builder() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("build_site", DOCS / "build_site.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("build_site")
 
 
 def test_every_entry_of_every_built_in_problem_is_in_the_reference(builder: ModuleType) -> None:

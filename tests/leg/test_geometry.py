@@ -12,8 +12,8 @@ from hopopt import load
 from hopopt.design import Design, Leg
 from hopopt.errors import UsageError
 from hopopt.leg.geometry.distance import Distances
-from hopopt.leg.geometry.smooth import NEAR, clearances, margin_of
-from hopopt.leg.geometry.solids import Solid, lowest, outline, placed, solids
+from hopopt.leg.geometry.smooth import clearances, margin_of
+from hopopt.leg.geometry.solids import NEAR, Solid, lowest, outline, placed, solids
 from hopopt.leg.kinematics import joint_positions, start_angles, tucked
 from hopopt.leg.robot import build_robot
 from hopopt.ocp.guesses.posture import Posture
@@ -234,7 +234,9 @@ def test_the_lowest_point_is_of_the_shapes_unless_joints_alone_count(tmp_path: P
 def test_a_trunk_that_hangs_low_is_what_clears(tmp_path: Path) -> None:
     """Its height at the apex is the clearance; the foot is drawn up as high and no higher."""
     low = "[leg.body.shapes.trunk]\npolygon = [[-0.2, -0.33], [0.2, -0.33], [0.2, 0.1], [-0.2, 0.1]]\n"
-    design = paper_leg(tmp_path, f"{low}[hop]\nstance_duration = [0.03, 0.2]\n[start]\nhip_height = 0.36\n")
+    design = paper_leg(
+        tmp_path, f"{low}[hop]\nmay_collide = true\nstance_duration = [0.03, 0.2]\n[start]\nhip_height = 0.36\n"
+    )
     found = solve(design, starts=1, processes=1)
     assert found.summary.verified
     assert found.summary.lowest_point in ("trunk", "foot")

@@ -71,15 +71,20 @@ def sweep(
     definition = define(
         design, vary, objective=name_of(objective), sample=sample, seed=seed, starts=starts, preliminary=preliminary
     )
-    if results is None and resume is None:
-        results = tempfile.mkdtemp(prefix="hopopt-")
     settings: dict[str, Any] = {
-        "processes": processes, "scheduler": scheduler, "results": Path(results or "."), "progress": told(progress),
-        "resume": None if resume is None else Path(resume), "until": within(time_limit),
+        "processes": processes, "scheduler": scheduler, "progress": told(progress), "until": within(time_limit),
+        **_places(results, resume),
     }  # fmt: skip
     if preliminary:
         return as_class(Map, run_map(definition, verify_best=verify_best, **settings))
     return as_class(Study, run(definition, **settings))
+
+
+def _places(results: str | Path | None, resume: str | Path | None) -> dict[str, Any]:
+    """Below which folder a study is kept, and which one goes on: where neither is given, in a folder for temporary files."""
+    if results is None and resume is None:
+        results = tempfile.mkdtemp(prefix="hopopt-")
+    return {"results": Path(results or "."), "resume": None if resume is None else Path(resume)}
 
 
 def choose(
@@ -118,12 +123,10 @@ def choose(
     """
     own = {} if catalogue is None else {"catalogue": str(catalogue)}
     entries = catalogue_of(problem if isinstance(problem, str | Path) else "paper", own)
-    if results is None and resume is None:
-        results = tempfile.mkdtemp(prefix="hopopt-")
     found = chosen(
         as_design(problem), clearance, joints=joints, only=only, legs=legs, by=by, verify=verify, present_mass=present_mass,
-        entries=entries, starts=starts, processes=processes, scheduler=scheduler, results=Path(results or "."),
-        resume=None if resume is None else Path(resume), progress=told(progress),
+        entries=entries, starts=starts, processes=processes, scheduler=scheduler, progress=told(progress),
+        **_places(results, resume),
     )  # fmt: skip
     return as_class(Choice, found)
 

@@ -67,11 +67,11 @@ class CounterMovement(Force):
             return self._risen(now, s)
         y, rate, rise = self.sink.down(since)
         k, d = self.options.plumb_k, self.options.plumb_d
-        return self.lifted(now, s, rise + k * (self.lowest + y - s.q[1]) + d * (rate - s.v[1]))
+        return self.lifted(s, rise + k * (self.lowest + y - s.q[1]) + d * (rate - s.v[1]))
 
     def _risen(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] of the push; once the ground would have to pull on a leg that rises, those that draw it up."""
-        tau = self.upright(now, s, self._knee(now.q, now.v))
+        tau = self.upright(s, self._knee(now.q, now.v))
         if self.aim is None and s.v[1] > 0 and s.contact_force(self.drive.clamp(now.v, tau))[1] < self.light:
             self.aim = self._aim(now)
         return self.drawing_up.torque(now.q, now.v, self.aim.pose) if self.drawing_up and self.aim else tau
@@ -82,7 +82,7 @@ class CounterMovement(Force):
 
     def _best(self) -> Sink:
         """That from which the computed push throws the body highest in the time there is; of equal ones the least deep."""
-        depths = np.linspace(0.0, self._room(), DEPTHS)
+        depths = np.unique(np.linspace(0.0, self._room(), DEPTHS))
         times = np.pi * np.sqrt(depths / (2 * SINKING * self.two_mass.g))
         return max((Sink(float(d), float(t)) for d, t in zip(depths, times, strict=True)), key=self._thrown)
 
@@ -110,8 +110,7 @@ class CounterMovement(Force):
         while t < IN_TIME * self.design.hop.stance_duration[1] and y < (1 - LAST) * stretched:
             q, v = self.with_rates(y, rate)
             s = self.machine.stance_terms(q, v)
-            knee = self._knee(q, v)
-            tau = self.drive.clamp(v, self.upright(Measurement(t, q, v, True, t, 0), s, knee))
+            tau = self.drive.clamp(v, self.upright(s, self._knee(q, v)))
             a = s.acceleration(tau)
             if s.contact_force(tau)[1] < 0:
                 break

@@ -142,7 +142,7 @@ class PaperStrategy:
         down = s.v[1] >= 0 or s.q[1] <= self.lowest + self.shortest  # as low as it will be
         if self.pushed is None and now.since > self.settled and down:
             self.pushed, self.begin = now.t, begin(self.two_mass, s.q[1])
-        return self.land(now, s) if self.pushed is None else self.push(now, s)
+        return self.land(s) if self.pushed is None else self.push(now, s)
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] in stance."""
@@ -173,19 +173,19 @@ class PaperStrategy:
             return None
         return self.drawing_up.aim(LiftOff(now.q, now.v, self.rise * self.two_mass.g))
 
-    def land(self, now: Measurement, s: StanceTerms) -> np.ndarray:
+    def land(self, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] that brake the body evenly, to stand at the height of the start."""
         distance = max(s.q[1] - self.lowest, self.shortest)
-        return self.lifted(now, s, min(s.v[1], 0.0) ** 2 / (2 * distance))
+        return self.lifted(s, min(s.v[1], 0.0) ** 2 / (2 * distance))
 
-    def lifted(self, now: Measurement, s: StanceTerms, rise: float) -> np.ndarray:
+    def lifted(self, s: StanceTerms, rise: float) -> np.ndarray:
         """Torques (n) [N m] under which the body has this acceleration upwards [m/s^2], on the plumb line."""
         a_j = -np.linalg.solve(s.jacobian, np.array([self._plumb(s), rise]) + s.drift)
-        return self.upright(now, s, (s.mass_matrix @ a_j + s.joint_bias)[1])
+        return self.upright(s, (s.mass_matrix @ a_j + s.joint_bias)[1])
 
-    def upright(self, now: Measurement, s: StanceTerms, knee: float) -> np.ndarray:
+    def upright(self, s: StanceTerms, knee: float) -> np.ndarray:
         """The knee's torque [N m], clamped, and that of the hip under which the body keeps to the plumb line."""
-        knee = self.drive.clamp(now.v, np.array([0.0, knee]))[1]
+        knee = self.drive.clamp(s.v[BASE:], np.array([0.0, knee]))[1]
         # x'' = row (tau - bias) / mass matrix - drift, linear in the hip's torque
         row = np.linalg.solve(s.mass_matrix, -s.jacobian[0])
         still = row @ (np.array([0.0, knee]) - s.joint_bias) - s.drift[0]
@@ -275,7 +275,7 @@ class Force(PaperStrategy):
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """tau_dyn = -k_p (theta - theta_des) - k_d theta' at the knee (the paper's eqs. 10 and 14)."""
         angles, _ = self.desired(now)
-        return self.upright(now, s, (-self.options.k_p * (now.q - angles) - self.options.k_d * now.v)[1])
+        return self.upright(s, (-self.options.k_p * (now.q - angles) - self.options.k_d * now.v)[1])
 
 
 class Position(PaperStrategy):

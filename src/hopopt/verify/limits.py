@@ -15,8 +15,7 @@ from hopopt.verify.table import DESCENT, STANCE, STANDING
 
 LIMIT_KINDS = (  # kinds of limits of a phase that are looked at here
     Kind.REGION, Kind.ANGLE, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
-    Kind.WINDOW, Kind.SUPPLY, Kind.MOTOR_POWER, Kind.TORQUE_RATE,
-    Kind.FORCE_RATE,
+    Kind.WINDOW, Kind.SUPPLY, Kind.MOTOR_POWER, Kind.TORQUE_RATE, Kind.FORCE_RATE,
 )  # fmt: skip
 
 

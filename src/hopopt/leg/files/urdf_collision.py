@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from hopopt.leg.files.urdf_visuals import BODY, Visual, visuals
 from hopopt.leg.files.urdf_xml import UrdfError, quoted
-from hopopt.leg.geometry.hulls import coal, convex
+from hopopt.leg.geometry.hulls import coal, distances
 
 LARGEST_MESH = 100_000_000  # bytes
 MOST_POINTS = 120  # of a mesh's hull that are kept
@@ -39,7 +39,7 @@ def collision_shapes(
     for look in visuals(raw, folder, joints, foot, locked, "collision"):
         points, radius = _hull(look)
         points = points @ look.rotation.T + look.position
-        if look.joint == BODY and _nearest(points) - radius > AWAY * reach:
+        if look.joint == BODY and distances(points, radius, np.zeros((1, 3)))[0] > AWAY * reach:
             continue
         shapes = found.setdefault(look.joint, {})
         rounding = np.sqrt(3) * 0.5 * 10.0**-DIGITS if radius or len(points) > len(_BOX) else 0.0
@@ -107,23 +107,4 @@ def fewer(corners: np.ndarray) -> tuple[np.ndarray, float]:
         if not worst:
             break
         chosen += worst[: min(MOST_POINTS - len(chosen), len(chosen))]
-    return corners[chosen], _farthest(corners[chosen], corners)
-
-
-def _nearest(points: np.ndarray) -> float:
-    """The distance [m] of the hull of points (k, 3) from the first joint, by coal; not above zero if that lies inside."""
-    solid = convex(points) if len(points) > 1 else coal.Sphere(0.0)
-    place = coal.Transform3s() if len(points) > 1 else coal.Transform3s(np.eye(3), points[0])
-    return coal.distance(
-        solid, place, coal.Sphere(0.0), coal.Transform3s(), coal.DistanceRequest(), coal.DistanceResult()
-    )
-
-
-def _farthest(points: np.ndarray, corners: np.ndarray) -> float:
-    """The greatest distance [m] of corners from the hull of points, by coal."""
-    hull, dot = convex(points), coal.Sphere(0.0)
-    at = [coal.Transform3s(np.eye(3), corner) for corner in corners]
-    request = coal.DistanceRequest()
-    return max(
-        0.0, *(coal.distance(hull, coal.Transform3s(), dot, place, request, coal.DistanceResult()) for place in at)
-    )
+    return corners[chosen], max(0.0, float(distances(corners[chosen], 0.0, corners).max()))

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Leg
-from hopopt.leg.geometry.hulls import coal, convex
+from hopopt.leg.geometry.hulls import rounded
 from hopopt.leg.geometry.solids import BODY, Solid, colliding
 from hopopt.leg.robot import BASE, build_robot
 
@@ -23,7 +23,7 @@ class Distances:
     """
 
     def __init__(self, leg: Leg, start: np.ndarray):
-        self.leg, self.solids = leg, colliding(leg)
+        self.solids = colliding(leg)
         self._robot = build_robot(leg)
         self._model = pin.GeometryModel()
         for solid in self.solids:
@@ -62,19 +62,5 @@ class Distances:
 def _geometry(solid: Solid) -> Any:
     """A solid for Pinocchio, fixed to the joint that moves it."""
     joint = BASE + 1 + solid.joint if solid.joint != BODY else BASE
-    shape, place = _coal(solid)
+    shape, place = rounded(solid.points, solid.radius)
     return pin.GeometryObject(f"{solid.joint} {solid.name}", joint, 0, place, shape)
-
-
-def _coal(solid: Solid) -> tuple[Any, pin.SE3]:
-    """Its shape, and where that lies in the joint's frame."""
-    points, radius = solid.points, solid.radius
-    if len(points) == 1:
-        return coal.Sphere(radius), pin.SE3(np.eye(3), points[0])
-    if len(points) == 2:
-        along = points[1] - points[0]
-        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).toRotationMatrix()
-        return coal.Capsule(radius, float(np.linalg.norm(along))), pin.SE3(turn, points.mean(axis=0))
-    hull = convex(points)
-    hull.setSweptSphereRadius(radius)
-    return hull, pin.SE3.Identity()

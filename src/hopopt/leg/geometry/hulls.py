@@ -4,12 +4,34 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 coal: Any = import_module("coal")  # its stubs name nothing
 THIN = 1e-4  # m: what is given to a flat solid, as coal's hulls have a volume
 
 
-def convex(points: np.ndarray) -> Any:
+def rounded(points: np.ndarray, radius: float) -> tuple[Any, pin.SE3]:
+    """The hull of points (k, 3) [m], rounded outwards by a radius [m], and where coal's solid lies in the points' frame."""
+    if len(points) == 1:
+        return coal.Sphere(radius), pin.SE3(np.eye(3), points[0])
+    if len(points) == 2:
+        along = points[1] - points[0]
+        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).toRotationMatrix()
+        return coal.Capsule(radius, float(np.linalg.norm(along))), pin.SE3(turn, points.mean(axis=0))
+    hull = _convex(points)
+    hull.setSweptSphereRadius(radius)
+    return hull, pin.SE3.Identity()
+
+
+def distances(points: np.ndarray, radius: float, places: np.ndarray) -> np.ndarray:
+    """How far places (m, 3) [m] are from the rounded hull of points (k, 3) [m], (m,); not above zero inside."""
+    (shape, at), dot, asked = rounded(points, radius), coal.Sphere(0.0), coal.DistanceRequest()
+    lies = coal.Transform3s(at.rotation, at.translation)
+    there = (coal.Transform3s(np.eye(3), place) for place in places)
+    return np.array([coal.distance(shape, lies, dot, place, asked, coal.DistanceResult()) for place in there])
+
+
+def _convex(points: np.ndarray) -> Any:
     """The hull of points (k, 3) [m]; flat or straight ones get a thickness of THIN."""
     given = coal.StdVec_Vec3s()
     for point in _thick(points):

@@ -16,12 +16,11 @@ from scipy.interpolate import make_interp_spline
 
 from hopopt.design import Design, Leg
 from hopopt.leg.geometry.distance import Distances
-from hopopt.leg.geometry.solids import colliding, has_shape
+from hopopt.leg.geometry.solids import MOST_JOINTS, NEAR, colliding, has_shape
 from hopopt.leg.kinematics import joint_positions, reach, spread, start_angles
 
 MARGIN = 0.005  # of the leg's reach: what is kept between solids
 LEVEL = 0.12  # of the reach: distances level off towards it
-NEAR = 0.03  # of the reach: distances up to it are told precisely
 COARSE = 9  # angles of each joint at which pairs are looked at that may never come near
 STEPS = {1: 0.01, 2: 0.025, 3: 0.07}  # of the reach, by joints above a link: how far its end moves between grid angles
 MOST = {1: 161, 2: 121, 3: 41}  # angles of each joint on the grid
@@ -78,7 +77,7 @@ _kept: dict[str, Clearances] = {}
 def clearances(design: Design) -> Clearances | None:
     """Of a problem's leg; None where it has no shape, may collide, or has more joints than a grid can hold."""
     leg = design.leg
-    if not has_shape(leg) or design.hop.may_collide or len(leg.joints) > max(STEPS):
+    if not has_shape(leg) or design.hop.may_collide or len(leg.joints) > MOST_JOINTS:
         return None
     start = start_angles(design)
     key = _key(leg, start)

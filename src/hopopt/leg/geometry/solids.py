@@ -12,6 +12,8 @@ from hopopt.design.fields import TRUNK
 from hopopt.design.geometry.shape import Shape
 from hopopt.leg.kinematics import joint_frames, joint_positions, planar, reach
 
+NEAR = 0.03  # of the leg's reach: the planner knows distances up to it precisely, and keeps no larger margin
+MOST_JOINTS = 3  # of a leg whose distances it can know: they are kept on a grid of angles
 BODY = -1  # the joint of what does not move with any
 BESIDE = 2.0  # of the leg's reach: half the width of a polygon, which nothing passes beside
 SIDES = 12  # of the polygon about a link

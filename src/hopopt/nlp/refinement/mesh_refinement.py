@@ -279,11 +279,10 @@ class Refinement:
             self._accept(found, 0.0, time.perf_counter() - began, k + 1)
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
-        patience = CARRIED_ITERATIONS * (AT_ZEROS if self._at_zeros else 1)
-        patience = (
-            patience if not self.aims.restarts else CARRIED_ITERATIONS * LONGER
+        times = (
+            LONGER if self.aims.restarts else AT_ZEROS if self._at_zeros else 1
         )  # from the point alone it takes hundreds
-        most = {"ipopt.max_iter": min(patience, self.aims.iterations)}
+        most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
         return NlpSolver(t, {**known, **most}, until=self.aims.until)
 
     def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:

@@ -26,7 +26,6 @@ def collision(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
         return ()
     joints = {name: k + 1 for k, name in enumerate(leg.leg.links)}
     start, margin = start_angles(leg.design), margin_of(leg.design)
-
     at_start = [float(np.array(link.function(start[: joints[link.link]])).item()) for link in found.links]
     if any(distance < -link.error for distance, link in zip(at_start, found.links, strict=True)):
         raise UsageError(f"{leg.design.name}: {_overlap(leg.design, start)}")
@@ -35,10 +34,7 @@ def collision(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
         return ca.vertcat(*[link.function(s.q[: joints[link.link]]) for link in found.links])
 
     least = [
-        min(
-            found.levelled(margin + link.error),
-            distance - FROM_START * found.reach,
-        )
+        min(found.levelled(margin + link.error), distance - FROM_START * found.reach)
         for distance, link in zip(at_start, found.links, strict=True)
     ]
     labels = tuple(link.link for link in found.links)

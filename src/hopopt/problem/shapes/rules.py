@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from hopopt.design import HopSettings, Leg, StartPose
 from hopopt.design.fields import TRUNK
 from hopopt.design.geometry.shape import Shape
-from hopopt.leg.geometry.smooth import NEAR, STEPS
-from hopopt.leg.geometry.solids import counted_points, has_shape
+from hopopt.leg.geometry.solids import MOST_JOINTS, NEAR, counted_points, has_shape
 from hopopt.leg.kinematics import joint_positions
 from hopopt.problem.checking.faults import Report
 
@@ -43,7 +42,7 @@ def margin_rules(leg: Leg, hop: HopSettings, report: Report) -> None:
     margin, most = hop.collision_margin, NEAR * leg.length
     if margin is None or not has_shape(leg) or hop.may_collide:
         return
-    if len(leg.joints) > max(STEPS):
+    if len(leg.joints) > MOST_JOINTS:
         words = f"a leg of {len(leg.joints)} joints is measured, and not kept away: leave it out"
         report.add("hop.collision_margin", f"= {margin:g} m cannot be kept: {words}")
     elif margin > most:
