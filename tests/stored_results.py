@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 import hopopt as ho
-from hopopt.comparison.compare import reference_of
 from hopopt.comparison.robust.robust import RobustHop
 from hopopt.comparison.robust.robust_search import PlanTrial
 from hopopt.comparison.robust.robustness import Reached
 from hopopt.ocp.objectives.registry import find as objective
+from hopopt.planner.reserve import reference_of
 from hopopt.storage.folder import new_folder
 from hopopt.studies.pareto.front import Front, FrontPoint
 from hopopt.studies.sweep.definition import Definition, define

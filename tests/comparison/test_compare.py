@@ -22,7 +22,6 @@ from hopopt.comparison.compare import (
     compare,
     integrals_to,
     planned_trace,
-    reference_of,
 )
 from hopopt.comparison.control_recheck import control_check
 from hopopt.comparison.paper_control import paper_strategy
@@ -36,7 +35,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.paper.paper_results import is_the_papers
 from hopopt.planner.answer.extras import Attained, CanBeHad, Functions
-from hopopt.planner.reserve import reserved
+from hopopt.planner.reserve import reference_of, reserved
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import changed, load
 from hopopt.record import as_data

@@ -13,7 +13,6 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.cli.screen.console import show
 from hopopt.cli.screen.hops import hops as shown_hops
-from hopopt.comparison.compare import reference_of
 from hopopt.comparison.hops.hop_after_hop import HopsComparison, compare_hops
 from hopopt.comparison.hops.return_map import Fallen, ReturnMap, multipliers, state_at_landing
 from hopopt.comparison.hops.trials import Hops, HopsTrial, apex_of, hop_on, hops_in_mujoco, hops_on_draws, moved
@@ -23,6 +22,7 @@ from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.planner.reserve import reference_of
 from hopopt.planner.solution import Solution
 from hopopt.plots.hops import save_all
 from hopopt.problem.load import load

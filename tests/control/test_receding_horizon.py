@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from hopopt.comparison.compare import reference_of
 from hopopt.comparison.robust.robustness import drawn, reached
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.reference import PlanReference
@@ -15,7 +14,7 @@ from hopopt.control.strategies import BUILT_IN
 from hopopt.control.tracking.receding_horizon import PENALTY, HorizonProgram, PlanLimits, TrackWithinLimits, solved
 from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
-from hopopt.planner.reserve import reserved
+from hopopt.planner.reserve import reference_of, reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load

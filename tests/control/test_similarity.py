@@ -8,7 +8,6 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from hopopt.comparison.compare import reference_of
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.reference import PlanReference
@@ -19,7 +18,7 @@ from hopopt.control.tracking.track import Track, TrackingOptions
 from hopopt.design import Reserve
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import Scale, reserve_of, standstill_torques, weight
-from hopopt.planner.reserve import reserved
+from hopopt.planner.reserve import reference_of, reserved
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
 from once import plan_with_reserve

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hopopt.comparison.compare import reference_of
 from hopopt.control.closed_loop import make_plant, simulate
 from hopopt.control.strategies import BUILT_IN
 from hopopt.design import Design
@@ -18,6 +17,7 @@ from hopopt.drivetrain.supply import power_drawn, power_limits, sag, share_at, v
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.guesses.feasibility import drives_too_weak
+from hopopt.planner.reserve import reference_of
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load

@@ -9,15 +9,18 @@ import pytest
 import yaml
 
 from hopopt.cli import main as cli
+from hopopt.comparison.robust.stored import save_robust
 from hopopt.control.reference import PlanReference
 from hopopt.errors import UsageError
 from hopopt.export.plan import gains_of, samples_at_control_rate, to_csv, to_json, to_ros2, tracker_of
 from hopopt.export.tracker_c import to_c
 from hopopt.leg.robot import BASE
+from hopopt.planner.reserve import TrackedPlan
 from hopopt.planner.solution import Solution
 from hopopt.storage.solution import save
 from hopopt.verify.table import NORMALISED_TIMES
 from once import solved_once
+from stored_results import robust_hop
 
 QUICK = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
 RATE = 500.0  # Hz
@@ -32,7 +35,7 @@ def solution() -> Solution:
 @pytest.fixture(scope="module")
 def table(solution: Solution) -> dict[str, list[str]]:
     """The columns of the CSV file by their heads."""
-    head, *lines = csv.reader(to_csv(solution).splitlines())
+    head, *lines = csv.reader(to_csv(TrackedPlan.of(solution)).splitlines())
     return dict(zip(head, map(list, zip(*lines, strict=True)), strict=True))
 
 
@@ -56,8 +59,8 @@ def test_the_csv_file_holds_the_plan_that_controllers_follow(solution: Solution,
 
 
 def test_gains_are_those_of_the_tracker_row_by_row(solution: Solution) -> None:
-    samples, tracker = samples_at_control_rate(solution), tracker_of(solution)
-    gains, flying = gains_of(solution, samples), int(np.argmax(samples.phase == "flight"))
+    samples, tracker = samples_at_control_rate(solution), tracker_of(TrackedPlan.of(solution))
+    gains, flying = gains_of(TrackedPlan.of(solution), samples), int(np.argmax(samples.phase == "flight"))
     assert np.isfinite(gains).all()
     np.testing.assert_allclose(gains[3], tracker.gains[True].K[3], rtol=1e-6)
     since = samples.t[flying] - solution.lift_off
@@ -65,7 +68,7 @@ def test_gains_are_those_of_the_tracker_row_by_row(solution: Solution) -> None:
 
 
 def test_json_says_what_csv_says(solution: Solution, table: dict[str, list[str]]) -> None:
-    data = json.loads(to_json(solution))
+    data = json.loads(to_json(TrackedPlan.of(solution)))
     assert data["joints"] == ["hip", "knee"]
     assert data["period_s"] == 1 / RATE
     assert data["clearance_m"] == solution.clearance
@@ -77,7 +80,7 @@ def test_json_says_what_csv_says(solution: Solution, table: dict[str, list[str]]
 
 def test_ros_reads_the_plan_as_a_joint_trajectory(solution: Solution) -> None:
     """Fields of trajectory_msgs/msg/JointTrajectory, times that increase, values of the plan."""
-    message = yaml.safe_load(to_ros2(solution))
+    message = yaml.safe_load(to_ros2(TrackedPlan.of(solution)))
     assert message.keys() == {"header", "joint_names", "points"}
     assert message["joint_names"] == ["hip", "knee"]
     point = message["points"][40]
@@ -95,7 +98,7 @@ def test_ros_reads_the_plan_as_a_joint_trajectory(solution: Solution) -> None:
 def test_a_leg_on_a_slider_is_exported_without_gains() -> None:
     """The plant does not simulate it, so nothing tracks it; its plan is a plan all the same."""
     slider = solved_once({**QUICK, "leg.guides": ["z"], "simulation.control_rate": RATE})
-    head = to_csv(slider).partition("\n")[0]
+    head = to_csv(TrackedPlan.of(slider)).partition("\n")[0]
     assert "q_knee [rad]" in head
     assert "K_" not in head
 
@@ -104,7 +107,7 @@ def test_a_landed_hop_is_exported_whole() -> None:
     """Up to rest, in one frame: the body moves on through the impact. The tracker has no gains for a landing, and no C."""
     landed = solved_once({**QUICK, "hop.kind": "landing", "simulation.control_rate": RATE})
     s, step = samples_at_control_rate(landed), 1 / RATE
-    gains = gains_of(landed, s)
+    gains = gains_of(TrackedPlan.of(landed), s)
     assert list(dict.fromkeys(s.phase)) == ["stance", "flight", "descent", "landing"]
     fastest = np.abs(s.v[:, 0]).max()
     assert np.abs(np.diff(s.q[:, 0])).max() < 1.1 * fastest * step
@@ -113,7 +116,7 @@ def test_a_landed_hop_is_exported_whole() -> None:
     assert np.isfinite(gains[followed]).all()
     assert np.isnan(gains[~followed]).all()
     with pytest.raises(UsageError, match="the tracker in C does not know the hop that lands yet"):
-        to_c(landed)
+        to_c(TrackedPlan.of(landed))
 
 
 # ---- the command ---------------------------------------------------------------------------------------------
@@ -130,9 +133,14 @@ def test_an_unverified_plan_is_refused(
     assert [path.name for path in tmp_path.iterdir()] == ["results"]
 
 
+def _slow(hop: Solution) -> Solution:
+    """At a control rate that leads to fewer rows."""
+    slow = hop.design.simulation.model_copy(update={"control_rate": RATE})
+    return hop.noted(design=hop.design.model_copy(update={"simulation": slow}))
+
+
 def test_each_format_is_written_once(hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    slow = hop.design.simulation.model_copy(update={"control_rate": RATE})  # fewer rows
-    result = save(hop.noted(design=hop.design.model_copy(update={"simulation": slow})), tmp_path).result_dir
+    result = save(_slow(hop), tmp_path).result_dir
     for form, mark in (("csv", "t [s],"), ("json", '{"format"'), ("ros2", "header:"), ("c", "/* Tracks the plan")):
         file = tmp_path / f"plan.{form}"
         assert cli.run(["export", str(result), "--format", form, "-o", str(file), "--json"]) == 0
@@ -140,6 +148,32 @@ def test_each_format_is_written_once(hop: Solution, tmp_path: Path, capsys: pyte
         assert file.read_text(encoding="utf-8").startswith(mark)
     assert cli.run(["export", str(result), "--format", "csv", "-o", str(tmp_path / "plan.csv")]) == 2
     assert "is not overwritten" in capsys.readouterr().err
+
+
+def test_a_robust_plan_is_exported_and_moves_with_its_tracker(
+    hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its own feedback stands in every row and in the C code; the plan and the leg that follows it move one over the other.
+    Feedback that is no matrix of numbers is refused."""
+    monkeypatch.chdir(tmp_path)
+    folder = str(save_robust(robust_hop(_slow(hop)), tmp_path / "results"))
+    for form in ("csv", "c"):
+        assert cli.run(["export", folder, "--format", form, "-o", f"plan.{form}"]) == 0
+    first = next(csv.DictReader((tmp_path / "plan.csv").read_text(encoding="utf-8").splitlines()))
+    gains = [
+        float(first[f"K_{joint}_{of}_{joint} [N m{s}/rad]"])
+        for of, s in (("q", ""), ("v", " s"))
+        for joint in ("hip", "knee")
+    ]
+    assert gains == [9.0, 8.0, 2.0, 1.0]
+    assert "hopopt_stance_K[] = {\n9.0, 0.0, 2.0, 0.0, 0.0, 8.0, 0.0, 1.0," in (tmp_path / "plan.c").read_text()
+    assert cli.run(["animate", folder, "-o", "hop.svg"]) == 0
+    assert all(f">{name}" in (tmp_path / "hop.svg").read_text(encoding="utf-8") for name in ("plan", "track"))
+    data = json.loads((file := Path(folder, "robust.json")).read_text())
+    for damage in ("gains", [[1.0, 0.0, None, 0.0], [0.0, 1.0, 0.0, 0.0]]):
+        file.write_text(json.dumps(data | {"feedback_matrix": damage}))
+        assert cli.run(["export", folder, "--format", "csv", "-o", "other.csv"]) == 2
+        assert "do not fit together" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from hopopt.control.strategies import BUILT_IN
 from hopopt.control.tracking.track import Track
 from hopopt.export.plan import tracker_of
 from hopopt.export.tracker_c import constants_bytes, header
+from hopopt.planner.reserve import TrackedPlan
 from hopopt.planner.solution import Solution
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.verify.table import NORMALISED_TIMES
@@ -85,7 +86,7 @@ def solution() -> Solution:
 @pytest.fixture(scope="module")
 def tracker(solution: Solution) -> Track:
     """In Python: to be copied before it is used. Gains differ by rounding when they are computed anew."""
-    return tracker_of(solution)
+    return tracker_of(TrackedPlan.of(solution))
 
 
 def compiled(folder: Path, text: str, *words: str) -> Callable[[], InC]:

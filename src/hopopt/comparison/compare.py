@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from hopopt.control.closed_loop import Run, clearance_in_mujoco, make_controller, make_plant, simulate
-from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import NotSolvedError, UsageError
@@ -22,7 +21,7 @@ from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.phases import STANCE
 from hopopt.paper.paper_results import PAPER, is_the_papers
 from hopopt.planner.motion import Motion
-from hopopt.planner.reserve import plan_to_track, reserved
+from hopopt.planner.reserve import plan_to_track, reference_of, reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.problem.load import design_hash
@@ -30,7 +29,6 @@ from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.mujoco import library
 from hopopt.sim.state import ACCOUNTS
 from hopopt.sim.trace import Event, Trace
-from hopopt.verify.table import NORMALISED_TIMES
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
 ALL = "all"  # in place of names: every strategy that suits the leg
@@ -273,11 +271,6 @@ def on_ideal_ground(solution: Solution, say: Callable[[str], None], **how: Any) 
     say("solving for the bound on ideal ground")
     contact = solution.design.contact.model_copy(update={"friction": None})
     return solve(solution.design.model_copy(update={"contact": contact}), progress=say, **how)
-
-
-def reference_of(plan: Solution) -> PlanReference:
-    """A plan as a controller follows it."""
-    return PlanReference.from_tables(NORMALISED_TIMES, plan.tables, plan.clearance)
 
 
 def planned_trace(solution: Motion) -> Trace:

@@ -1,9 +1,9 @@
 """A plan as controllers follow it in a simulation from rest."""
 
-from hopopt.comparison.compare import reference_of
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.planner.reserve import reference_of
 from hopopt.planner.solution import Solution
 
 

@@ -12,40 +12,36 @@ from typing import Any
 import numpy as np
 
 from hopopt.control.closed_loop import make_plant
-from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.tracking.track import Track
 from hopopt.leg.kinematics import loop_axes
 from hopopt.leg.robot import BASE
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
-from hopopt.planner.motion import Samples
-from hopopt.planner.solution import Solution
-from hopopt.verify.table import NORMALISED_TIMES
+from hopopt.planner.motion import Motion, Samples
+from hopopt.planner.reserve import TrackedPlan
 
 NANOSECONDS = 10**9  # in a second
 FORMAT = 1  # of the JSON object
 
 
-def tracker_of(solution: Solution) -> Track:
-    """The strategy ``track`` with its own settings, for the plan of a solution.
-
-    Raises UsageError for a leg that cannot be simulated, and so not tracked.
-    """
-    make_plant(solution.design)
-    plan = PlanReference.from_tables(NORMALISED_TIMES, solution.tables, solution.clearance)
-    return Track(Setting(solution.design, 1 / solution.design.simulation.control_rate, plan))
+def tracker_of(plan: TrackedPlan) -> Track:
+    """The strategy ``track`` with its own settings, for a plan. Raises UsageError for a leg that cannot be simulated."""
+    design = plan.motion.design
+    make_plant(design)
+    return Track(Setting(design, 1 / design.simulation.control_rate, plan.reference))
 
 
-def gains_of(solution: Solution, samples: Samples) -> np.ndarray:
+def gains_of(plan: TrackedPlan, samples: Samples) -> np.ndarray:
     """K (k, n, 2 n) of the tracker's torque tau - K (q - q_plan, v - v_plan) [N m/rad, N m s/rad] at k control instants.
 
     NaN in phases that the tracker does not follow (the descent of a hop from rest, a landing), and all along for a leg that
     cannot be simulated.
     """
-    design, n = solution.design, len(solution.robot.joints)
+    solution, design = plan.motion, plan.motion.design
+    n = len(solution.robot.joints)
     gains, period = np.full((len(samples.t), n, 2 * n), np.nan), 1 / design.simulation.control_rate
     if not loop_axes(design.leg):
-        tracker = tracker_of(solution)
+        tracker = tracker_of(plan)
         followed = (STANCE, FLIGHT, DESCENT) if design.hop.periodic else (STANCE, FLIGHT)
         for k in np.flatnonzero(np.isin(samples.phase, followed)):
             contact = bool(samples.phase[k] == STANCE)
@@ -54,17 +50,17 @@ def gains_of(solution: Solution, samples: Samples) -> np.ndarray:
     return gains
 
 
-def samples_at_control_rate(solution: Solution) -> Samples:
+def samples_at_control_rate(motion: Motion) -> Samples:
     """The whole leg at every control instant of the hop, and at its end."""
-    rate = solution.design.simulation.control_rate
-    instants = np.arange(int(np.ceil(solution.end * rate - 1e-6))) / rate
-    return solution.sample([*instants, solution.end])
+    rate = motion.design.simulation.control_rate
+    instants = np.arange(int(np.ceil(motion.end * rate - 1e-6))) / rate
+    return motion.sample([*instants, motion.end])
 
 
-def columns(solution: Solution) -> dict[str, tuple[str, Sequence[Any]]]:
+def columns(plan: TrackedPlan) -> dict[str, tuple[str, Sequence[Any]]]:
     """name -> (unit, values) at the control instants: time, phase, body, joints, ground force, gains if the leg has any."""
-    s, joints, found = samples_at_control_rate(solution), solution.design.leg.joints, {}
-    gains = gains_of(solution, s)
+    s, joints, found = samples_at_control_rate(plan.motion), plan.motion.design.leg.joints, {}
+    gains = gains_of(plan, s)
     found["t"], found["phase"] = ("s", s.t), ("", s.phase)
     for k, axis in enumerate("xz"):
         found[f"body_{axis}"], found[f"body_v{axis}"] = ("m", s.q[:, k]), ("m/s", s.v[:, k])
@@ -81,28 +77,28 @@ def columns(solution: Solution) -> dict[str, tuple[str, Sequence[Any]]]:
     return found
 
 
-def to_csv(solution: Solution) -> str:
+def to_csv(plan: TrackedPlan) -> str:
     """One header line of names with units in brackets, one line for each instant; an empty cell where there is no gain."""
-    found, text = columns(solution), io.StringIO()
+    found, text = columns(plan), io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f"{name} [{unit}]" if unit else name for name, (unit, _) in found.items()])
     writer.writerows(zip(*([_plain(x) for x in values] for _, values in found.values()), strict=True))
     return text.getvalue()
 
 
-def to_json(solution: Solution) -> str:
+def to_json(plan: TrackedPlan) -> str:
     """One object: the columns of the CSV file by name, their units, and what the plan is; null where there is no gain."""
-    found, design = columns(solution), solution.design
+    found, design = columns(plan), plan.motion.design
     head = {"format": FORMAT, "problem": design.name, "joints": design.leg.joints}
-    head |= {"period_s": 1 / design.simulation.control_rate, "clearance_m": solution.clearance}
+    head |= {"period_s": 1 / design.simulation.control_rate, "clearance_m": plan.reference.clearance}
     units = {name: unit for name, (unit, _) in found.items() if unit}
     values = {name: [_plain(x) for x in values] for name, (_, values) in found.items()}
     return json.dumps({**head, "units": units, "columns": values}) + "\n"
 
 
-def to_ros2(solution: Solution) -> str:
+def to_ros2(plan: TrackedPlan) -> str:
     """A trajectory_msgs/msg/JointTrajectory as YAML, a point for each control instant; effort is the planned torque."""
-    s, joints = samples_at_control_rate(solution), solution.design.leg.joints
+    s, joints = samples_at_control_rate(plan.motion), plan.motion.design.leg.joints
     lines = ["header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}", f"joint_names: {json.dumps(joints)}", "points:"]
     for k, t in enumerate(s.t):
         seconds, rest = divmod(round(float(t) * NANOSECONDS), NANOSECONDS)

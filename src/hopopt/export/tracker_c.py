@@ -19,7 +19,7 @@ from hopopt.drivetrain.drives import LAW
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
 from hopopt.errors import UsageError
 from hopopt.export.plan import tracker_of
-from hopopt.planner.solution import Solution
+from hopopt.planner.reserve import TrackedPlan
 
 TABLES_MARK = "/* @TABLES@ */\n"
 TOLERANCE = 0.01  # share of the greatest, within which gains between knots are
@@ -27,10 +27,11 @@ REAL_BYTES = 4  # of a number in single precision
 NUMBERS_ON_A_LINE = 8  # numbers on a line
 
 
-def to_c(solution: Solution) -> str:
+def to_c(plan: TrackedPlan) -> str:
     """The C header (C99, single precision, tgmath.h and string.h alone). Raises UsageError for a hop that lands, and as ``tracker_of`` does."""
-    refuse_landed(solution.design, "the tracker in C")
-    return header(tracker_of(solution), solution.design.name, solution.design.leg.joints)
+    design = plan.motion.design
+    refuse_landed(design, "the tracker in C")
+    return header(tracker_of(plan), design.name, design.leg.joints)
 
 
 def header(tracker: Track, problem: str, joints: Sequence[str], tolerance: float = TOLERANCE) -> str:

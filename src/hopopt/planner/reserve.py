@@ -1,9 +1,11 @@
 """The problem with a reserve held back from its limits, and the plan that a controller can follow for it."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
+from hopopt.control.reference import PlanReference
 from hopopt.design import Design, Leg, Reserve, as_changed
 from hopopt.drivetrain.gear import states
 from hopopt.drivetrain.motor import state_ratings
@@ -11,12 +13,36 @@ from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.scales import reserve_of
 from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.planner.motion import Motion
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
+from hopopt.verify.table import NORMALISED_TIMES
 
 TRACKED_TIE_BREAK = (
     1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
 )
+
+
+@dataclass(frozen=True)
+class TrackedPlan:
+    """A planned hop, and what a controller follows of it.
+
+    motion: the plan; its problem has the leg that the controller believes in
+    reference: joint angles, speeds and torques, and the plan's own feedback if it has one
+    """
+
+    motion: Motion
+    reference: PlanReference
+
+    @classmethod
+    def of(cls, solution: Solution) -> "TrackedPlan":
+        """A solved hop, followed by the tracker's own gains."""
+        return cls(solution, reference_of(solution))
+
+
+def reference_of(plan: Solution) -> PlanReference:
+    """A plan as a controller follows it."""
+    return PlanReference.from_tables(NORMALISED_TIMES, plan.tables, plan.clearance)
 
 
 def plan_to_track(design: Design, say: Callable[[str], None], until: Deadline = NEVER) -> Solution:

@@ -20,7 +20,7 @@ import pinocchio as pin
 from hopopt.errors import MissingExtraError, UsageError
 from hopopt.leg.files.urdf_visuals import BODY, Visual
 from hopopt.leg.scales import Scale
-from hopopt.planner.solution import Solution
+from hopopt.planner.motion import Motion
 
 POSE_INTERVAL = 0.002  # [s] on the paper's leg, between two poses
 FRAME_INTERVAL = 1 / 50  # [s] between two pictures
@@ -39,18 +39,18 @@ class HopScene:
     drawn: link -> what is shown of it: "mesh", or "cylinder" where there is none.
     """
 
-    def __init__(self, server: Any, solution: Solution, looks: Sequence[Visual] = ()):
-        self.server, self._robot, self._lock = server, solution.robot, RLock()
-        self.end, self._scale = solution.end, Scale.of(solution.design.leg)
+    def __init__(self, server: Any, hop: Motion, looks: Sequence[Visual] = ()):
+        self.server, self._robot, self._lock = server, hop.robot, RLock()
+        self.end, self._scale = hop.end, Scale.of(hop.design.leg)
         interval = POSE_INTERVAL * self._scale.time
         even = np.linspace(0.0, self.end, max(2, round(self.end / interval) + 1))
-        samples = solution.sample(even)
+        samples = hop.sample(even)
         self._t, self._q, self._force = samples.t, samples.q, samples.f
-        self._data = solution.robot.model.createData()
+        self._data = hop.robot.model.createData()
         self.playing = False
         self._stage()
         self.links: dict[str, Any] = {
-            name: server.scene.add_frame(f"/leg/{name}", show_axes=False) for name in ("body", *solution.robot.joints)
+            name: server.scene.add_frame(f"/leg/{name}", show_axes=False) for name in ("body", *hop.robot.joints)
         }
         self.drawn = self._dress(looks)
         self._push = server.scene.add_line_segments(

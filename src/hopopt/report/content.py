@@ -1,13 +1,17 @@
-"""What a page shows of stored results: solved hops, or comparisons of controllers."""
+"""What a page shows of stored results: solved hops, comparisons of controllers, or robust plans."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 from hopopt.errors import ResultError, UsageError
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash
-from hopopt.report.motion import planned, simulated
+from hopopt.report.motion import PLAN_ENDS, planned, simulated
 from hopopt.report.page import COLORS, Content
+from hopopt.sim.hop_metrics import HopFigures
+from hopopt.storage.motions import PLAN, ROBUST
 from hopopt.storage.runs import read_runs
 from hopopt.storage.seal.digests import manifest_of
 from hopopt.storage.solution import read
@@ -18,22 +22,22 @@ FIRST = ("optimum", "force", "track", "position")  # runs of a comparison that m
 def content_of(folders: Sequence[Path]) -> Content:
     """What the page of these results shows: of several, hops of legs with the same joints side by side.
 
-    Raises ResultError for a folder that is neither a solved hop nor a comparison, UsageError for results that do not go
+    Raises ResultError for a folder that is neither a solved hop, a comparison nor a robust plan, UsageError for results that do not go
     together on one page.
     """
     if len(folders) > len(COLORS):
         raise UsageError(f"{len(folders)} results do not fit on one page: give at most {len(COLORS)}")
-    compared = [folder for folder in folders if (folder / "comparison.json").is_file()]
     for folder in folders:
-        if (folder / "sweep.json").is_file() or (folder / "robust.json").is_file():
-            what = "study" if (folder / "sweep.json").is_file() else "result of hopopt robust"
+        if (folder / "sweep.json").is_file():
             raise ResultError(
-                f"{folder}: this is a {what}, which holds no hop that can move: hopopt report has a page of it"
+                f"{folder}: this is a study, which holds no hop that can move: hopopt report has a page of it"
             )
-    if compared:
-        if len(folders) > 1:
-            raise UsageError(f"{compared[0]}: a comparison fills a page of its own: give it alone")
-        return of_comparison(compared[0])
+    alone = {"comparison.json": ("comparison", of_comparison), f"{ROBUST}.json": ("robust plan", of_robust)}
+    for folder, (file, (what, made)) in product(folders, alone.items()):
+        if (folder / file).is_file():
+            if len(folders) > 1:
+                raise UsageError(f"{folder}: a {what} fills a page of its own: give it alone")
+            return made(folder)
     return of_solutions([read(folder) for folder in folders])
 
 
@@ -70,6 +74,17 @@ def of_comparison(folder: Path) -> Content:
     solution = next((s for s in found if design_hash(s.design) == design_hash(stored.design)), None)
     where = provenance(solution) if solution else {"folder": str(folder)}
     return Content(stored.design, hops, solution, stored.data, {"comparison": str(folder), **where})
+
+
+def of_robust(folder: Path) -> Content:
+    """The plan that hopopt robust found, and the believed leg that follows it."""
+    stored = read_runs(folder, ROBUST)
+    design, data = stored.design, stored.data
+    heights = {name: HopFigures(design, trace).clearance for name, trace in stored.traces.items()}
+    heights |= {PLAN: data["plan_m"] if data["plan_verified"] else None}
+    hops = [simulated(trace, name, heights[name]) for name, trace in stored.traces.items()]
+    shown = [replace(hop, ends=f"apex: {PLAN_ENDS}") if hop.name == PLAN else hop for hop in hops]
+    return Content(design, shown, provenance={"robust plan": str(folder)})
 
 
 def provenance(solution: Solution) -> Mapping[str, str]:

@@ -44,6 +44,9 @@ class ShownHop:
         return self.chain[..., 1].min(axis=1)
 
 
+PLAN_ENDS = "the plan ends"  # what is shown of a plan whose foot does not come down again
+
+
 def planned(solution: Solution, name: str) -> ShownHop:
     """The hop of a solution."""
     interval = SHOWN_INTERVAL * Scale.of(solution.design.leg).time
@@ -53,7 +56,7 @@ def planned(solution: Solution, name: str) -> ShownHop:
     chain = np.stack([s.points[point] for point in (*solution.robot.joints, "foot")], axis=1)
     clearance = solution.clearance if solution.verified else None
     force = s.f[:, [0, -1]]
-    ends = f"{solution.end_of_flight}: the plan ends" if solution.end <= solution.duration else ""
+    ends = f"{solution.end_of_flight}: {PLAN_ENDS}" if solution.end <= solution.duration else ""
     return ShownHop(
         name, s.t, chain, s.points["com"], s.v[:, -n:], s.command, force, solution.lift_off, clearance, ends
     )

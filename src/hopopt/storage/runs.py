@@ -164,12 +164,12 @@ class StoredRuns:
 def read_runs(folder: Path, what: str, names: Sequence[str] | None = None) -> StoredRuns:
     """Runs that ``save_runs`` wrote, such as a "comparison"; ResultError if files are missing or broken.
 
-    names: of the runs; None: one for each of the stored strategies
+    names: of the runs; None: one for each of the stored strategies, or all that there are
     """
     design, data = read_data(folder, what)
     with _readable(folder, what):
         robot, groups = build_robot(design.leg), read_netcdf(folder / "runs.nc")
-        wanted = data["strategies"] if names is None else names
+        wanted = data.get("strategies", [name for name in groups if name]) if names is None else names
         traces = {name: _trace(groups[name.replace(":", ".")], robot) for name in wanted}
     return StoredRuns(design, data, traces)
 

@@ -22,6 +22,7 @@ from hopopt.comparison.robust.robustness import chosen, drawn, four_numbers, spr
 from hopopt.comparison.stored import save_comparison
 from hopopt.design import Design
 from hopopt.errors import HopoptError, UsageError
+from hopopt.planner.reserve import reference_of
 from hopopt.planner.solve import solve
 from hopopt.plots import hops as hops_figures
 from hopopt.plots.controllers import runs as figures_of_one
@@ -190,5 +191,5 @@ def _draw(found: Comparison | HopsComparison, folder: Path, steps: Ladder | None
     if isinstance(found, HopsComparison):
         hops_figures.save_all(found, folder, steps)
     else:
-        plan = comparing.reference_of(found.plan) if found.plan else None
+        plan = reference_of(found.plan) if found.plan else None
         figures_of_one.save_all(found.figures, folder, steps=steps, plan=plan)

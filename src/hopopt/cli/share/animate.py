@@ -26,7 +26,7 @@ def animate(
     Parameters
     ----------
     results
-        A folder that hopopt solve or hopopt compare wrote; or up to four solved hops of legs with the same joints.
+        A folder that hopopt solve, compare or robust wrote; or up to four solved hops of legs with the same joints.
     output
         The file to write: .gif, .svg (moves in a browser), or .mp4 (needs ffmpeg).
     slower

@@ -13,9 +13,9 @@ from hopopt.errors import ResultError, UsageError
 from hopopt.export import plan, tracker_c
 from hopopt.leg.files.export import to_mjcf, to_urdf
 from hopopt.leg.robot import build_robot
-from hopopt.planner.solution import Solution
+from hopopt.planner.reserve import TrackedPlan
 from hopopt.problem.load import load, resolved_toml
-from hopopt.storage.solution import read
+from hopopt.storage.motions import read_plan
 
 
 class Format(StrEnum):
@@ -53,7 +53,7 @@ def export(
     Parameters
     ----------
     what
-        For --format a results folder of hopopt solve; for --urdf and --mjcf also a problem file, or the name of a
+        For --format a results folder of hopopt solve or hopopt robust; for --urdf and --mjcf also a problem file, or the name of a
         built-in problem.
     format_
         csv or json: the plan at the control rate with the tracker's gains; ros2: a JointTrajectory message as YAML; c:
@@ -109,14 +109,13 @@ def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None, dc_motors: 
     return list(texts)
 
 
-def _verified_plan(folder: Path) -> Solution:
-    """A stored solution; ResultError if it is not verified, for a robot is to move by it."""
-
-    solution = read(folder)
-    for words in solution.doubts:
+def _verified_plan(folder: Path) -> TrackedPlan:
+    """A stored plan; ResultError if it is not verified, for a robot is to move by it."""
+    found, verified, doubts = read_plan(folder)
+    for words in doubts:
         note(words)
-    if not solution.verified:
+    if not verified:
         raise ResultError(
             f"{folder}: the plan is not verified, and only verified plans are exported: hopopt verify says why"
         )
-    return solution
+    return found

@@ -1,14 +1,19 @@
 """The command that shows a hop in three dimensions in a browser: view."""
 
-from hopopt.cli.options import AsJson, Solved
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from hopopt.cli.options import AsJson
 from hopopt.plots.scene import HopScene, quiet, serve
 from hopopt.problem.urdf.looks import looks_if_known, looks_of
 from hopopt.storage.folder import as_json, fitting
-from hopopt.storage.solution import read
+from hopopt.storage.motions import read_plan
 
 
 def view(
-    result: Solved,
+    result: Annotated[Path, Parameter(help="A folder that hopopt solve or hopopt robust wrote.")],
     *,
     leg: str | None = None,
     host: str = "127.0.0.1",
@@ -29,13 +34,13 @@ def view(
         The port to listen at; 0: any that is free.
     """
     with fitting(result):
-        solution = read(result)
-        joints = solution.robot.joints
-        looks = looks_of(leg, joints) if leg else looks_if_known(solution.design.name, joints)
+        hop = read_plan(result)[0].motion
+        joints = hop.robot.joints
+        looks = looks_of(leg, joints) if leg else looks_if_known(hop.design.name, joints)
     server = serve(host, port)
     try:
         with fitting(result):
-            scene = HopScene(server, solution, looks)
+            scene = HopScene(server, hop, looks)
         address = f"http://{host}:{server.get_port()}"
         if json_:
             print(as_json({"address": address, "links": scene.drawn, "exit_code": 0}), flush=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.amounts import check
-from hopopt.comparison.compare import BEATEN, OPTIMUM, answering, chosen_names, planned_trace, reference_of
+from hopopt.comparison.compare import BEATEN, OPTIMUM, answering, chosen_names, planned_trace
 from hopopt.comparison.hops.basin import Basin, basin, side_by_side
 from hopopt.comparison.hops.trials import (
     DRAWN_HOPS,
@@ -31,7 +31,7 @@ from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.scales import Scale
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.planner.reserve import plan_to_track
+from hopopt.planner.reserve import plan_to_track, reference_of
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.sim.hop_metrics import HopFigures

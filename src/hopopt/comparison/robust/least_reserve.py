@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.comparison.compare import reference_of
 from hopopt.comparison.robust.robust_search import TRACKER, TUNING_DRAWS, stands_against
 from hopopt.comparison.robust.robustness import FAILED_SHARE, drawn, reached
 from hopopt.design import Design
@@ -19,7 +18,7 @@ from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import weight
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
-from hopopt.planner.reserve import reserved
+from hopopt.planner.reserve import reference_of, reserved
 from hopopt.planner.search.from_known import solved_from_known
 from hopopt.planner.solution import Solution
 

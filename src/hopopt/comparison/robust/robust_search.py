@@ -14,7 +14,6 @@ from itertools import islice
 import numpy as np
 from scipy.optimize import minimize
 
-from hopopt.comparison.compare import reference_of
 from hopopt.comparison.robust.robustness import FAILED_SHARE, Draw, Reached, extremes, reached
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design, Reserve
@@ -25,7 +24,7 @@ from hopopt.leg.scales import Scale, reserve_of, weight
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.hop import Hop
 from hopopt.planner.motion import Motion
-from hopopt.planner.reserve import reserved
+from hopopt.planner.reserve import reference_of, reserved
 from hopopt.planner.search.from_known import solved_from_known
 from hopopt.planner.shared_plan import SharedPlan, shared_plan, true_legs
 from hopopt.planner.solution import Solution

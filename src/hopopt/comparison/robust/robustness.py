@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import bdtrc  # the binomial's survival function; scipy.stats takes a third of a second to import
 
 from hopopt.amounts import check
-from hopopt.comparison.compare import TUNED_PD, Comparison, chosen_names, compare, on_ideal_ground, reference_of
+from hopopt.comparison.compare import TUNED_PD, Comparison, chosen_names, compare, on_ideal_ground
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
@@ -20,6 +20,7 @@ from hopopt.extensions import carried
 from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.answer.extras import Attained, CanBeHad
+from hopopt.planner.reserve import reference_of
 from hopopt.planner.solution import Solution
 from hopopt.sim.plant import PAST_APEX
 

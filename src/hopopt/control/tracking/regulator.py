@@ -7,7 +7,7 @@ held, they would leave a filter of very good encoders on the edge of stability (
 of which is -1; Astrom, Hagander and Sternby, Zeros of sampled systems, 1984).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import expm
@@ -52,6 +52,10 @@ class Gains:
         """A, B, K, L of a period; beyond the last, the last."""
         k = min(period, len(self.K) - 1)
         return self.A[k], self.B[k], self.K[k], self.L[k]
+
+    def with_feedback(self, K: np.ndarray) -> "Gains":
+        """The same with one feedback K (n, 2 n) for all periods."""
+        return replace(self, K=np.broadcast_to(K, self.K.shape))
 
     def cost_to_go(self, period: int) -> np.ndarray:
         """P where a period begins; beyond the last, at the end of the phase."""

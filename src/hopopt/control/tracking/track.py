@@ -93,7 +93,8 @@ class Track:
             speed = o.speed
         noise = Noise(setting.angle_noise, o.disturbance / periods**0.5, speed, jump)
         costs = o.costs(machine.n, periods, contact)
-        return regulator(machine, self.reference(contact), self.period, contact, costs, noise)
+        gains = regulator(machine, self.reference(contact), self.period, contact, costs, noise)
+        return gains if self.plan.feedback is None else gains.with_feedback(self.plan.feedback)
 
     def stance_goes_on(self, now: Measurement) -> bool:
         """Whether to follow the planned stance: on the ground, or only bounced off it long before the lift-off."""
@@ -183,8 +184,7 @@ class Track:
     def added(self, contact: bool, k: int, error: np.ndarray) -> np.ndarray:
         """The torque (n) [N m] that feedback adds to the plan's in control period k, from the estimated error (2 n): by the
         plan's own feedback if it has one, else by the regulator's."""
-        K = self.gains[contact].at(k)[2] if self.plan.feedback is None else self.plan.feedback
-        return -K @ error
+        return -self.gains[contact].at(k)[2] @ error
 
 
 @dataclass(frozen=True)
