@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+import hopopt as ho
 from hopopt.cli import main as cli
 from hopopt.comparison.robust.stored import save_robust
 from hopopt.control.reference import PlanReference
@@ -156,7 +157,7 @@ def test_a_robust_plan_is_exported_and_moves_with_its_tracker(
     """Its own feedback stands in every row and in the C code; the plan and the leg that follows it move one over the other.
     Feedback that is no matrix of numbers is refused."""
     monkeypatch.chdir(tmp_path)
-    folder = str(save_robust(robust_hop(_slow(hop)), tmp_path / "results"))
+    folder = str(save_robust(robust_hop(ho.Solution.with_methods(_slow(hop))), tmp_path / "results"))
     for form in ("csv", "c"):
         assert cli.run(["export", folder, "--format", form, "-o", f"plan.{form}"]) == 0
     first = next(csv.DictReader((tmp_path / "plan.csv").read_text(encoding="utf-8").splitlines()))
