@@ -1,6 +1,8 @@
 """Legs out of MuJoCo's files, against MuJoCo itself and against the same legs out of URDFs."""
 
 import importlib
+import tracemalloc
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from hopopt import load
 from hopopt.design import Leg
 from hopopt.errors import ProblemFileError
 from hopopt.leg.files.export import to_mjcf, to_urdf
+from hopopt.leg.files.mjcf_xml import Defaults
 from hopopt.leg.files.urdf import read_leg
 from hopopt.leg.files.urdf_xml import UrdfError
 from hopopt.leg.kinematics import joint_positions
@@ -209,6 +212,27 @@ def test_a_file_of_the_other_kind_and_both_files_are_told_apart(read: Callable[.
         read('<robot name="r"/>')
     with pytest.raises(ProblemFileError, match=r"leg\.mjcf stands beside leg\.urdf: a leg is read from one of them"):
         read(ROBOT, 'urdf = "leg.xml"')
+
+
+def nested(count: int) -> ET.Element:
+    """So many default classes, each inside the one before it and with an attribute of its own."""
+    opened = "".join(f'<default class="c{k}"><geom a{k}="{k}"/>' for k in range(count))
+    return ET.fromstring(f"<mujoco><default>{opened}{'</default>' * count}</default></mujoco>")
+
+
+def test_classes_inside_classes_take_little_memory() -> None:
+    """Every attribute is kept once, found from the innermost class, and too many classes are refused."""
+    root = nested(900)
+    tracemalloc.start()
+    found = Defaults.of(root)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3e6
+    assert found.attributes(ET.Element("geom", a7="own"), "c899") == {f"a{k}": str(k) for k in range(900)} | {
+        "a7": "own"
+    }
+    with pytest.raises(UrdfError, match="has more than 1000 default classes"):
+        Defaults.of(nested(1001))
 
 
 def test_a_damaged_file_is_refused_and_nothing_else() -> None:

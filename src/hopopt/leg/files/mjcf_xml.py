@@ -11,6 +11,7 @@ import pinocchio as pin
 from hopopt.leg.files.urdf_xml import UrdfError, decimals, quoted
 
 LARGEST = 1e6  # SI, of any number
+MOST_CLASSES = 1000  # of defaults; the largest public robots have a tenth of it
 ACTUATORS = (
     "general",
     "motor",
@@ -29,34 +30,39 @@ Placement = pin.SE3
 
 @dataclass
 class Defaults:
-    """Attributes by class and element: what an element has where it says nothing."""
+    """Attributes by class and element: what an element has where it says nothing. Each class has its own, and the name of the
+    class that it lies in."""
 
-    classes: dict[str, dict[str, dict[str, str]]] = field(default_factory=lambda: {"main": {}})
+    own: dict[str, dict[str, dict[str, str]]] = field(default_factory=lambda: {"main": {}})
+    above: dict[str, str] = field(default_factory=lambda: {"main": ""})
 
     @classmethod
     def of(cls, root: ET.Element) -> "Defaults":
-        found, todo = cls(), [(top, "main") for top in root.findall("default")]
-        for top, _ in todo:  # whatever its name is, it is every element's
-            found.classes[top.get("class", "main")] = found.classes["main"]
+        found, todo = cls(), list[tuple[ET.Element, str]]()
+        for top in root.findall("default"):  # whatever its name is, it is every element's
+            found.own[top.get("class", "main")] = found.own["main"]
+            found.above.setdefault(top.get("class", "main"), "")
+            todo.append((top, ""))
         while todo:
             element, above = todo.pop(0)
-            name = element.get("class", "main")
-            own = found.classes.setdefault(name, {})
-            for tag, attributes in found.classes[above].items():
-                own.setdefault(tag, {}).update(attributes)
+            name = element.get("class", above or "main")
+            own, _ = found.own.setdefault(name, {}), found.above.setdefault(name, above)
+            if len(found.own) > MOST_CLASSES:
+                raise UrdfError(f"has more than {MOST_CLASSES} default classes: this is not the MJCF of a robot")
+            todo += [(child, name) for child in element if child.tag == "default"]
             for child in element:
-                if child.tag == "default":
-                    todo.append((child, name))
-                else:
+                if child.tag != "default":
                     own.setdefault(kind_of(child.tag), {}).update(child.attrib)
         return found
 
     def attributes(self, element: ET.Element, inherited: str) -> dict[str, str]:
         """All attributes of an element, its class' behind its own; inherited: class of the bodies it lies in."""
-        name = element.get("class") or inherited
-        if name not in self.classes:
+        name, tag, given = element.get("class") or inherited, kind_of(element.tag), element.attrib
+        if name not in self.own:
             raise UrdfError(f"has no default class {quoted(name)}, which a <{element.tag[:40]}> names")
-        return self.classes[name].get(kind_of(element.tag), {}) | element.attrib
+        while name:
+            given, name = self.own[name].get(tag, {}) | given, self.above[name]
+        return given
 
 
 @dataclass(frozen=True)
