@@ -5,6 +5,7 @@ constraint sees every instant. Both compute with CasADi expressions: no ``if`` o
 Only the command line and Python name such functions, never a problem file.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -159,7 +160,7 @@ class Custom:
 
 
 def _hint(error: BaseException) -> str:
-    if "NoneType" in str(error) and "has no attribute" in str(error):
+    if re.search(r"'NoneType' object has no attribute '(a|tau|f)'$", str(error)):
         return " (rates are there where no torque can jump: give leg.motor.torque_rate; and not at the end of the hop)"
     if "NoneType" in str(error):
         return " (a, tau and f are not there at the end of the hop: use objective(running=True))"
