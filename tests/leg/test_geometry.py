@@ -1,5 +1,7 @@
 """The shapes of a leg: distances against minimisation over points and against Pinocchio's own reading of a URDF."""
 
+import re
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -9,8 +11,10 @@ import pytest
 from scipy.optimize import minimize
 
 from hopopt import load
+from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, Leg
 from hopopt.errors import UsageError
+from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.geometry.distance import Distances
 from hopopt.leg.geometry.smooth import clearances, margin_of
 from hopopt.leg.geometry.solids import NEAR, Solid, lowest, outline, placed, solids
@@ -20,8 +24,11 @@ from hopopt.ocp.guesses.posture import Posture
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.hops.collision import slack_of
 from hopopt.planner.solve import solve
+from hopopt.problem.load import changed
 from hopopt.problem.render import resolved_toml
+from hopopt.sim.controller import Measurement
 from hopopt.sim.machine import Machine
+from hopopt.sim.plant import Plant
 
 SHAPES = """
 [leg.body.shapes.trunk]
@@ -79,6 +86,15 @@ def test_a_link_without_a_shape_is_a_line_that_counts(tmp_path: Path) -> None:
     text = f"[leg.body.shapes.ball]\npoints = [[0.0, 0.0, 0.0]]\nradius = 0.02\nat = {middle.tolist()}\n"
     with pytest.raises(UsageError, match=r"shank is 0\.02\d* m inside ball where the hop starts: start otherwise"):
         Hop(paper_leg(tmp_path, text)).problem  # noqa: B018
+
+
+def test_pairs_name_what_is_nearer_to_the_foot_second(tmp_path: Path) -> None:
+    """A foot with a shape, and lines for thigh and shank."""
+    text = "[leg.foot.shapes.sole]\npoints = [[0.0, 0.0, 0.0]]\nradius = 0.01\n"
+    (tmp_path / "sole.toml").write_text(f'extends = "three_joint"\nname = "sole"\n{text}')
+    design = load(tmp_path / "sole.toml")
+    found = Distances(design.leg, start_angles(design))
+    assert [found.names(pair) for pair in found.pairs] == [("sole", "thigh")]
 
 
 def between(leg: Leg, one: Solid, two: Solid, q: np.ndarray) -> float:
@@ -184,6 +200,85 @@ def test_geometry_of_a_urdf_is_that_of_pinocchio(tmp_path: Path) -> None:
         assert np.all(mine[clear] >= theirs[clear] - 0.02 * 0.046 - 3e-5)  # of the thickest cylinder
 
 
+ROBOT = """
+<robot name="r">
+  <link name="trunk"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="hip" type="revolute"><parent link="trunk"/><child link="thigh"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="2" effort="30" velocity="20"/></joint>
+  <link name="thigh"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0 0 -0.1"/><geometry><box size="0.04 0.04 0.2"/></geometry></collision></link>
+  <joint name="knee" type="revolute"><parent link="thigh"/><child link="shank"/><axis xyz="0 1 0"/><origin xyz="0 0 -0.2"/>
+    <limit lower="-2.5" upper="-0.1" effort="30" velocity="20"/></joint>
+  <link name="shank"><inertial><mass value="0.2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="sole" type="fixed"><parent link="shank"/><child link="foot"/><origin xyz="0 0 -0.2"/></joint>
+  <link name="foot"/>
+</robot>
+"""
+BOX = '<box size="0.04 0.04 0.2"/>'
+
+
+def robot(tmp_path: Path, urdf: str) -> Design:
+    """A robot of this text in a folder below that of its problem."""
+    (tmp_path / "mine" / "robots").mkdir(parents=True, exist_ok=True)
+    (tmp_path / "mine" / "robots" / "robot.urdf").write_text(urdf)
+    (tmp_path / "mine" / "mine.toml").write_text(
+        'name = "mine"\n[leg]\nurdf = "robots/robot.urdf"\njoints = ["hip", "knee"]\nfoot_frame = "foot"\ngeometry = true\n'
+        "[start]\njoint_angles = [0.7, -1.4]\n"
+    )
+    return load(tmp_path / "mine" / "mine.toml")
+
+
+@pytest.mark.parametrize(
+    ("written", "words"),
+    [
+        (
+            '<capsule radius="0.02" length="0.2"/>',
+            'link "thigh" has a <collision> that is <capsule>: hopopt reads <mesh>, <box>',
+        ),
+        ('<box size="0.04 0.2"/>', 'has size="0.04 0.2": 3 numbers with blanks between is needed'),
+        ('<box size="0.04 -1 0.2"/>', "numbers above zero are needed"),
+        ('<sphere radius="nan"/>', 'has radius="nan": a number such as'),
+        ('<mesh filename="a.stl" scale="1 1"/>', 'has scale="1 1": 3 numbers'),
+        (
+            '<mesh filename="a.stl"/>',
+            'the collision mesh "a.stl" of link "thigh", which is not in the folder of the problem',
+        ),
+        ('<mesh filename="../../out.stl"/>', "which is not in the folder of the problem"),
+        ('<mesh filename="package://out.stl"/>', "which is not in the folder of the problem"),
+        ('<mesh filename="OUT"/>', "which is not in the folder of the problem"),
+        ('<mesh filename="file://OUT"/>', "which is not in the folder of the problem"),
+        ('<mesh filename="linked.stl"/>', "which is not in the folder of the problem"),
+        ('<mesh filename="../bad.stl"/>', 'mesh "../bad.stl" of link "thigh", which cannot be read as a solid'),
+    ],
+)
+def test_collision_geometry_that_cannot_be_read_is_refused(written: str, words: str, tmp_path: Path) -> None:
+    """Nothing is left out or guessed, and no mesh is read beyond the problem's folder."""
+    out = tmp_path / "out.stl"
+    out.write_bytes(tetrahedron())
+    (tmp_path / "mine" / "robots").mkdir(parents=True)
+    (tmp_path / "mine" / "robots" / "linked.stl").symlink_to(out)
+    (tmp_path / "mine" / "bad.stl").write_bytes(b"solid")
+    with pytest.raises(UsageError, match=re.escape(words)):
+        robot(tmp_path, ROBOT.replace(BOX, written.replace("OUT", str(out))))
+
+
+def tetrahedron() -> bytes:
+    """An STL file of the corners 0, 0.1 x, 0.1 y, 0.1 z [m]."""
+    corners = 0.1 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype="<f4")
+    faces = [np.concatenate([np.zeros(3, "<f4"), *(corners[k] for k in face)]).astype("<f4").tobytes() + b"\0\0"
+             for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]  # fmt: skip
+    return bytes(80) + np.uint32(4).tobytes() + b"".join(faces)
+
+
+def test_a_mesh_beside_the_problem_is_its_hull(tmp_path: Path) -> None:
+    (tmp_path / "mine" / "meshes").mkdir(parents=True)
+    (tmp_path / "mine" / "meshes" / "solid.stl").write_bytes(tetrahedron())
+    leg = robot(tmp_path, ROBOT.replace(BOX, '<mesh filename="package://mine/meshes/solid.stl" scale="2 1 1"/>')).leg
+    shapes = leg.link["thigh"].shapes
+    assert shapes is not None
+    assert set(shapes["thigh"].points or ()) == {(0, 0, -0.1), (0.2, 0, -0.1), (0, 0.1, -0.1), (0, 0, 0)}
+
+
 def errs(design: Design, count: int) -> None:
     """The smooth distances err at random angles by no more than they state, where they are from 0 to NEAR."""
     found = clearances(design)
@@ -218,7 +313,7 @@ def test_the_lowest_point_is_of_the_shapes_unless_joints_alone_count(tmp_path: P
     """By Pinocchio's frames against the hulls' own points: the trunk exactly, a link by a polygon of twelve sides about it."""
     design = paper_leg(tmp_path, SHAPES.replace("at = [0.05, 0.02, 0.1]", "at = [0.05, 0.02, 0.1]\ncounts = false"))
     leg, robot = design.leg, build_robot(design.leg)
-    assert design.hop.above_ground == ("hip", "knee", "trunk", "foot")
+    assert tuple(above_ground(design)) == ("hip", "knee", "trunk", "thigh", "foot")
     trunk, thigh = solids(leg)[1:3]
     for q in np.random.default_rng(3).uniform([-0.6, -2.4], [1.3, -0.15], (20, 2)):
         heights = {name: z for name, (_, z) in Machine(robot).points(np.array([0.3, 0.7, *q])).items() if name != "com"}
@@ -227,7 +322,44 @@ def test_the_lowest_point_is_of_the_shapes_unless_joints_alone_count(tmp_path: P
         assert -0.04 * (1 / np.cos(np.pi / 12) - 1) - 1e-12 <= about - 0.7 - lowest(leg, thigh, q) <= 1e-12
     joints = paper_leg(tmp_path, f'[leg]\nlowest = "joints"\n{SHAPES}')
     assert list(build_robot(joints.leg).points) == ["hip", "knee", "foot"]
-    assert joints.hop.above_ground == ("hip", "knee", "foot")
+    assert tuple(above_ground(joints)) == ("hip", "knee", "foot")
+
+
+def test_what_stays_above_the_ground_follows_the_shapes(tmp_path: Path) -> None:
+    """Shapes that come or go by a change, shapes that do not count, and a link that starts too low."""
+    shaped = paper_leg(tmp_path)
+    assert tuple(above_ground(changed(shaped, {"leg.lowest": "joints"}))) == ("hip", "knee", "foot")
+    later = changed(load("paper"), {"leg.body.shapes": {"trunk": {"box": [0.5, 0.2, 0.1], "at": [0.0, 0.0, 0.1]}}})
+    assert tuple(above_ground(later)) == ("hip", "knee", "trunk", "foot")
+    for without in ('[leg]\nlowest = "joints"\n', "[leg.body.shapes.trunk]\ncounts = false\nbox = [0.1, 0.1, 0.1]\n"):
+        text = without if "shapes" in without else without + SHAPES
+        with pytest.raises(UsageError, match=r'hop\.above_ground has "trunk", no shape of which counts'):
+            paper_leg(tmp_path, f'{text}[hop]\nabove_ground = ["trunk"]\n')
+    thick = SHAPES.replace("radius = 0.04", "radius = 0.3")
+    assert "thigh" not in above_ground(paper_leg(tmp_path, thick))
+    with pytest.raises(UsageError, match=r"puts the thigh 0\.\d+ m too low"):
+        paper_leg(tmp_path, thick + '[hop]\nabove_ground = ["thigh"]\n')
+
+
+@pytest.mark.parametrize("friction", [None, 0.6])
+def test_a_leg_that_falls_on_its_trunk_or_its_thigh_stops_there(friction: float | None, tmp_path: Path) -> None:
+    """Compiled heights are Pinocchio's; a leg without torques folds until what is lowest strikes."""
+    for text, name in ((SHAPES.replace("-0.3, 0.0, -0.1", "-0.3, 0.0, -0.25"), "trunk"), (SHAPES, "thigh")):
+        plant = make_plant(changed(paper_leg(tmp_path, text), {"contact.friction": friction}))
+        run = plant.run(np.array([0.9, -1.9]), Limp(), 1.0)
+        assert run.outcome == f"the {name} hit the ground"
+        slow = Plant(plant.robot, plant.drive, plant.above_ground)
+        s = slow.stance_start(np.array([0.9, -1.9]))
+        for q in np.random.default_rng(5).uniform([-0.6, -2.4], [1.3, -0.15], (20, 2)):
+            at = replace(s, q=np.array([0.1, 0.4, *q]))
+            assert plant.lowest_watched(at) == (slow.lowest_watched(at)[0], pytest.approx(slow.lowest_watched(at)[1]))
+
+
+class Limp:
+    """No torque."""
+
+    def torque(self, now: Measurement) -> np.ndarray:
+        return np.zeros(2)
 
 
 @pytest.mark.slow

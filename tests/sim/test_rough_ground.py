@@ -235,7 +235,7 @@ def test_ground_that_grips_enough_is_ideal_ground() -> None:
     rough, force = hop("force", 6.0), find("force")
     design, s = load("paper"), rough.design.simulation
     plant, period = make_plant(design), 1 / s.control_rate
-    by_pinocchio = Plant(plant.robot, plant.drive, design.hop.above_ground).run(
+    by_pinocchio = Plant(plant.robot, plant.drive, plant.above_ground).run(
         start_angles(design), make_controller(design, force), longest(design), landings=1,
         timing=Timing(period), encoder=Encoder(s.encoder_bits, s.speed_window, period),
     )  # fmt: skip
@@ -253,7 +253,7 @@ def test_compiled_ideal_ground_is_the_same_plant() -> None:
     design = load("paper")
     start, compiled = np.array([1.1, -2.3]), make_plant(design)
     assert isinstance(compiled, RoughGround)
-    by_pinocchio = Plant(compiled.robot, compiled.drive, design.hop.above_ground)
+    by_pinocchio = Plant(compiled.robot, compiled.drive, compiled.above_ground)
     for tau in ([-10.0, 120.0], [-60.0, 60.0], [20.0, -20.0]):
         plain, fast = (plant.run(start, Fixed(np.array(tau)), 0.25) for plant in (by_pinocchio, compiled))
         assert fast.outcome == plain.outcome

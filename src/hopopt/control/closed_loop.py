@@ -20,6 +20,7 @@ from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.errors import HopoptError, UsageError
+from hopopt.leg.geometry.above import points_above_ground
 from hopopt.leg.kinematics import can_slip, planar, start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import Scale
@@ -117,9 +118,10 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     states, rotor = added_states(design.leg, robot.parameters), robot.model.armature[BASE:]
     drive = Drive.of(design.leg, robot.parameters, rotor, gear_of(design), torque_gain=torque_gain, states=states)
     friction = design.contact.friction
+    watched = points_above_ground(design)
     if not can_slip(design.leg) or (friction is None and drive.states):
-        return Plant(robot, drive, design.hop.above_ground, finer)
-    return RoughGround(robot, drive, np.inf if friction is None else friction, design.hop.above_ground, finer)
+        return Plant(robot, drive, watched, finer)
+    return RoughGround(robot, drive, np.inf if friction is None else friction, watched, finer)
 
 
 def make_controller(

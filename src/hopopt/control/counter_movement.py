@@ -14,6 +14,7 @@ from hopopt.control.draw_up import MARGIN
 from hopopt.control.paper_pd import Force
 from hopopt.control.setting import Setting
 from hopopt.errors import UsageError
+from hopopt.leg.geometry.above import points_above_ground
 from hopopt.leg.kinematics import foot_offset
 from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Measurement
@@ -55,6 +56,7 @@ class CounterMovement(Force):
             raise UsageError("hop.counter_movement is false: simulate force_tuck, or leave that entry out")
         self.design, self.pace = setting.design, STEP * Scale.of(self.leg).time
         self.stretched = self.angles(np.inf)
+        self.watched = points_above_ground(setting.design)
         self.light = LIGHT * Scale.of(self.leg).force
         self.sink = self._best()
 
@@ -97,10 +99,10 @@ class CounterMovement(Force):
         return float(depths[-1])
 
     def _stands(self, q: np.ndarray, length: float) -> bool:
-        """Whether the foot is that far below the first joint, and every joint high enough."""
+        """Whether the foot is that far below the first joint, and all high enough that is to stay above the ground."""
         x, z = foot_offset(self.leg, q)
         points = self.machine.points(self.machine.stance_terms(q, np.zeros(2)).q)
-        low = min(points[joint][1] for joint in self.leg.joints)
+        low = min((points[point][1] for point in self.watched), default=np.inf)
         return abs(x) + abs(z + length) < LAST * length and low >= self.design.hop.least_height
 
     def _thrown(self, sink: Sink) -> float:

@@ -102,7 +102,7 @@ class HopSettings(Section):
         "m", 1e-3, 3, None,
     )  # fmt: skip
     above_ground: tuple[str, ...] = choice(
-        "what stays above the ground: any joint (at the top of its link), 'trunk', 'foot'; default, and []: all there are",
+        "what stays above the ground: any joint (at the top of its link), 'trunk', a link with a shape, 'foot'; default, and []: all there are",
         (),
     )
     least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)

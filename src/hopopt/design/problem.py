@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import ValidationError, model_validator
 
 from hopopt.design.control import ControlSettings, Reserve
-from hopopt.design.fields import TRUNK, ModuleName, Section, choice
+from hopopt.design.fields import ModuleName, Section, choice
 from hopopt.design.hop import Contact, Environment, HopSettings, StartPose
 from hopopt.design.leg import PAPERS_LENGTH, Leg
 from hopopt.design.simulation import Simulation, Uncertainty
@@ -83,14 +83,9 @@ class Design(Section):
 
     @model_validator(mode="after")
     def _whole_hop(self) -> "Design":
-        """All points above the ground unless some are named, and what else the hop leaves out as it suits the leg's size; the
-        leg is where its problem says."""
+        """What the hop leaves out as it suits the leg's size; the leg is where its problem says."""
         around = self.surroundings
         hop = self.hop.with_defaults(self.leg.length / PAPERS_LENGTH, around.gravity)
-        if not hop.above_ground:
-            hop = hop.model_copy(
-                update={"above_ground": (*self.leg.joints, *((TRUNK,) if self.leg.has_trunk else ()), "foot")}
-            )
         object.__setattr__(self, "hop", hop)  # frozen, but not yet anyone's
         object.__setattr__(self, "leg", self.leg.falling(around.fall))
         return self

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, ProblemFileError
+from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import Scale, weight
@@ -88,7 +89,7 @@ def leanings(solution: Solution) -> Iterator[tuple[str, dict[str, Any]]]:
     if found.stance_at_its_limit == "longest" and HALF_STANCE * longest > shortest:
         yield "a stance as long as it may last", {"hop.stance_duration": [shortest, HALF_STANCE * longest]}
     stance = solution.everywhere(STANCE, SAMPLES_OF_INTERVAL)
-    heights = {name: stance.points[name][:, 1] for name in design.hop.above_ground if name != "foot"}
+    heights = {name: stance.lowest_of(points) for name, points in above_ground(design).items() if name != "foot"}
     near, clear = (height * Scale.of(design.leg).length for height in (SKIMS, CLEAR))
     skimming = [name for name, z in heights.items() if z.min() < near and z[0] > clear]
     if skimming and design.hop.least_height < clear:

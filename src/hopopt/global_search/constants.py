@@ -14,6 +14,7 @@ from hopopt.design import Design
 from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
+from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.leg.robot import BASE, build_robot
 
@@ -97,7 +98,7 @@ def stance_constants(design: Design) -> StanceConstants:
     drives = [_drive(operating_region(design.leg, name, robot.parameters)) for name in design.leg.joints]
     laws = (Gear.of(design.leg, name, robot.parameters).level.entries for name in design.leg.joints)
     gears = [np.array([*law, rotor], dtype=float) for law, rotor in zip(laws, rotors, strict=True)]
-    above = design.hop.above_ground
+    above = above_ground(design)
     hip_least, knee_least = (design.hop.least_height if name in above else DEEP for name in design.leg.joints)
     friction = design.contact.friction
     return StanceConstants(

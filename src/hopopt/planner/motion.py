@@ -1,6 +1,6 @@
 """A hop as functions of time: states and controls of its phases as the motion of the whole leg."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -62,7 +62,11 @@ class Samples:
     @property
     def lowest(self) -> np.ndarray:
         """Height of the leg's lowest point (k,) [m]."""
-        return np.min([p[:, 1] for name, p in self.points.items() if name != "com"], axis=0)
+        return self.lowest_of([name for name in self.points if name != "com"])
+
+    def lowest_of(self, points: Sequence[str]) -> np.ndarray:
+        """Height of the lowest of these points (k,) [m]."""
+        return np.min([self.points[name][:, 1] for name in points], axis=0)
 
     def __getitem__(self, rows: Any) -> "Samples":
         """The samples at some rows (an index array, mask or slice)."""

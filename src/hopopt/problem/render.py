@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from hopopt.design import Design
+from hopopt.design.fields import TRUNK
 from hopopt.design.geometry.shape import Shape
 from hopopt.design.problem import OwnParameter
 from hopopt.leg.scales import reserve_of
@@ -46,8 +47,11 @@ def resolved_toml(design: Design, sources: Mapping[str, str] | None = None) -> s
 
 
 def design_hash(design: Design) -> str:
-    """8 hexadecimal digits that change with every entry but the title."""
-    whole = design.model_copy(update={"reserve": reserve_of(design)})
+    """8 hexadecimal digits that change with every entry but the title; what an entry says by default counts as if it were written."""
+    trunk = (TRUNK,) if design.leg.has_trunk else ()
+    above = design.hop.above_ground or (*design.leg.joints, *trunk, "foot")
+    hop = design.hop.model_copy(update={"above_ground": above})
+    whole = design.model_copy(update={"reserve": reserve_of(design), "hop": hop})
     text = _toml(whole.model_dump(exclude_none=True, exclude={"title"}), {})
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 

@@ -9,6 +9,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import voltage_share
+from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale, friction_needed, weight
 from hopopt.sim.state import BOUNCE
@@ -254,8 +255,9 @@ class HopFigures:
         if least and least - lowest > PULL * scale.force:
             found.append(f"{least - lowest:.0f} N less than the least ground force")
         deepest = hop.least_height - SIMULATED_SLACK * scale.length
-        for name in (joint for joint in hop.above_ground if joint != "foot"):
-            if hop.least_height and (z := float(trace.points[name][span, 1].min())) < deepest:
+        for name, points in above_ground(self.design).items() if hop.least_height else ():
+            z = min(float(trace.points[point][span, 1].min()) for point in points)
+            if name != "foot" and z < deepest:
                 found.append(f"{name} down to {z:.3f} m")
         if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SIMULATED_SLACK * scale.speed:
             found.append("the body descends in stance")

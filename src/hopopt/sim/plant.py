@@ -37,8 +37,8 @@ class Plant:
     """A leg that can be hopped, with its drives and the end stops of its joints."""
 
     def __init__(self, robot: Robot, drive: Drive, above_ground: Collection[str] | None = None, finer: int = 1):
-        """above_ground: joints that stop a run where they hit the ground; by default all. finer: parts into which every
-        step is cut."""
+        """above_ground: points of the leg that stop a run where they hit the ground; by default all joints. finer: parts into
+        which every step is cut."""
         self.finer = finer
         self.above_ground = set(robot.joints if above_ground is None else above_ground) - {"foot"}
         self.robot, self.machine, self.drive, self.n = robot, Machine(robot), drive, len(robot.joints)
@@ -286,10 +286,10 @@ class Plant:
         return f"the {lowest} hit the ground" if height < 0 else ""
 
     def lowest_watched(self, s: State) -> tuple[str, float]:
-        """The lowest of the joints that must not come to the ground, and its height [m]; infinite if there is none."""
+        """What is lowest of all that must not come to the ground, and its height [m]; infinite if there is none."""
         heights = [(z, name) for name, (_, z) in self.machine.points(s.q).items() if name in self.above_ground]
         height, name = min(heights, default=(np.inf, ""))
-        return name, float(height)
+        return name.partition(" ")[0], float(height)
 
 
 def chatters(events: Sequence[Event], within: float) -> bool:

@@ -6,6 +6,7 @@ from hopopt.design import Design
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
+from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId, motor_power, torque_rate
 from hopopt.leg.robot import BASE, Robot
@@ -75,10 +76,11 @@ def _ground(
 ) -> dict[LimitId, np.ndarray]:
     size_of_leg, contact = reach(design.leg), phase in STANDING
     paths, found = machine.paths(q), dict[LimitId, np.ndarray]()
-    for name in design.hop.above_ground:
+    for name, points in above_ground(design).items():
         if not contact or name != "foot":
             least = 0.0 if name == "foot" else design.hop.least_height
-            found[LimitId(Kind.HEIGHT, name)] = (least - paths[name][:, 1]) / size_of_leg
+            low = np.min([paths[point][:, 1] for point in points], axis=0)
+            found[LimitId(Kind.HEIGHT, name)] = (least - low) / size_of_leg
     if machine.held:
         found[LimitId(Kind.SLIDER)] = np.abs(q[:, machine.held] - q[0, machine.held]).max(axis=1) / size_of_leg
     if contact:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from hopopt.design import Design
 from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.operating_region.region import operating_region
+from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.kinematics import TwoJoints, joint_positions, reach, start_angles, start_place, within_limits
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim.machine import Machine
@@ -68,7 +69,8 @@ def _pose(design: Design, geometry: TwoJoints, height: float) -> np.ndarray:
 def _range(design: Design, geometry: TwoJoints) -> tuple[float, float]:
     """Lowest and highest body about the start [m]."""
     x, start = (float(place) for place in start_place(design))
-    least = np.array([design.hop.least_height if j in design.hop.above_ground else -np.inf for j in design.leg.joints])
+    above = above_ground(design)
+    least = np.array([design.hop.least_height if j in above else -np.inf for j in design.leg.joints])
 
     def allowed(height: float) -> bool:
         if not geometry.angles(np.array([-x, -height])):

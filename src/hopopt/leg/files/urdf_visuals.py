@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.leg.files.urdf import link_frame, reduced_model
-from hopopt.leg.files.urdf_xml import Tree, root_of
+from hopopt.leg.files.urdf_xml import Tree, UrdfError, decimals, quoted, root_of
 
+LARGEST = 1e3  # m or rad, of any number
 BODY = -1  # the joint of what does not move with any
 SIZES = {"box": ("size", 3), "cylinder": ("radius length", 1), "sphere": ("radius", 1)}  # attributes, numbers in each
 
@@ -25,7 +26,7 @@ class Visual:
     what is fixed to that link, or of another limb.
     rotation (3, 3), position (3) [m]: in the joint's frame, whose axes are the robot's with all angles zero; of the
     body from the first joint.
-    file: the mesh where it lies on disk; None of a simple body, or of a mesh that is not there.
+    file: the mesh where it lies on disk; None of a simple body, or of a mesh that is not there; named: what the URDF calls it.
     shape: "mesh", "box", "cylinder" or "sphere". size: of a mesh its scale (3), else its measures [m].
     """
 
@@ -37,15 +38,23 @@ class Visual:
     file: Path | None
     shape: str
     size: tuple[float, ...]
+    named: str = ""
 
 
 def visuals(
-    raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: Mapping[str, float], what: str = "visual"
+    raw: bytes,
+    folder: Path,
+    joints: Sequence[str],
+    foot: str,
+    locked: Mapping[str, float],
+    what: str = "visual",
+    within: Path | None = None,
 ) -> list[Visual]:
     """How the moving links look, what is fixed to them, and the links from the root to the first joint; no other limbs.
 
     raw: the URDF. folder: where it lies, for its meshes. joints, foot, locked: as ``read_leg`` takes them.
-    what: "visual", or "collision" for what collides, of all limbs.
+    what: "visual", or "collision" for what collides, of all limbs: what cannot be read then is refused, not left out.
+    within: the folder in which meshes have to lie, if they have to.
     Raises UrdfError.
     """
     tree = Tree(root_of(raw))
@@ -66,14 +75,15 @@ def visuals(
         if joint == BODY:
             position = data.oMf[link_frame(model, name)].translation - hip
         for visual in link.iter(what):
-            shape = _shape(visual, folder)
+            where = f"link {quoted(name)} has a <{what}> that" if what == "collision" else ""
+            shape = _shape(visual, where)
             if shape is not None:
                 origin = visual.find("origin")
-                spin, shift = (_numbers(origin, entry, 3, 0.0) for entry in ("rpy", "xyz"))
+                spin, shift = (_numbers(origin, entry, 3, 0.0, where) for entry in ("rpy", "xyz"))
                 own = pin.rpy.rpyToMatrix(*spin)
                 place = rotation @ own, position + rotation @ np.array(shift)
                 itself = name in above if joint == BODY else name == tree.ends(chain[joint])[1]
-                found.append(Visual(name, joint, itself, *place, *shape))
+                found.append(Visual(name, joint, itself, *place, _file(shape[-1], folder, within), *shape))
     return found
 
 
@@ -86,31 +96,44 @@ def _links_above(tree: Tree, joint: str) -> Iterator[str]:
         yield link
 
 
-def _shape(visual: ET.Element, folder: Path) -> tuple[Path | None, str, tuple[float, ...]] | None:
-    """File, shape and size of a visual; None if it has none that is known."""
+def _shape(visual: ET.Element, where: str) -> tuple[str, tuple[float, ...], str] | None:
+    """Shape, size and file's name of a visual; None if it has none that is known, or UrdfError that begins with ``where``."""
     mesh = visual.find("geometry/mesh")
     if mesh is not None:
-        return _file(mesh.get("filename", ""), folder), "mesh", _numbers(mesh, "scale", 3, 1.0)
+        return "mesh", _numbers(mesh, "scale", 3, 1.0, where), mesh.get("filename", "")
     for shape, (entries, count) in SIZES.items():
         simple = visual.find(f"geometry/{shape}")
         if simple is not None:
-            size = tuple(x for entry in entries.split() for x in _numbers(simple, entry, count, 0.0))
-            return (None, shape, size) if min(size) > 0 else None
+            size = tuple(x for entry in entries.split() for x in _numbers(simple, entry, count, 0.0, where))
+            if where and min(size) <= 0:
+                raise UrdfError(f"{where} is a {shape} with {entries} = {size}: numbers above zero are needed")
+            return (shape, size, "") if min(size) > 0 else None
+    if where:
+        kinds = [f"<{child.tag[:40]}>" for child in visual.findall("geometry/*")]
+        raise UrdfError(
+            f"{where} is {' and '.join(kinds) or 'empty'}: hopopt reads <mesh>, <box>, <cylinder> and <sphere>"
+        )
     return None
 
 
-def _numbers(element: ET.Element | None, entry: str, count: int, other: float) -> tuple[float, ...]:
-    """The finite numbers of an attribute, or as many others: looks matter to no answer, so that nothing is refused."""
-    words = "" if element is None else element.get(entry, "")
+def _numbers(element: ET.Element | None, entry: str, count: int, other: float, where: str) -> tuple[float, ...]:
+    """The finite numbers of an attribute, or as many others where it is not there; or where it holds none: looks matter to no
+    answer, so that nothing is refused. Of what matters, ``where`` it is, UrdfError."""
+    text = "" if element is None else element.get(entry, "")
+    if where and text:
+        return tuple(decimals(text, count, f"{where} has {entry}={quoted(text)}", LARGEST))
     try:
-        values = tuple(float(word) for word in words.split())
+        values = tuple(float(word) for word in text.split())
     except ValueError:
         values = ()
     return values if len(values) == count and np.isfinite(values).all() else (other,) * count
 
 
-def _file(name: str, folder: Path) -> Path | None:
-    """The mesh that a URDF names, on disk: a package is looked for in the folders above the URDF."""
+def _file(name: str, folder: Path, within: Path | None) -> Path | None:
+    """The mesh that a URDF names, on disk: a package is looked for in the folders above the URDF. None where there is none, or
+    none ``within`` a folder."""
+    if not name:
+        return None
     url = urlparse(name)
     if url.scheme not in ("package", "file", "model", ""):
         return None
@@ -120,6 +143,11 @@ def _file(name: str, folder: Path) -> Path | None:
         homes = [folder, *folder.resolve().parents]
         places = [home / inside for home in homes] + [home / unquote(url.path).lstrip("/") for home in homes]
     try:
-        return next((place for place in places if place.is_file()), None)
-    except (OSError, ValueError):  # no name of a file
+        return next((place for place in places if place.is_file() and _lies(place, within)), None)
+    except (OSError, ValueError, RuntimeError):  # no name of a file, a loop of links
         return None
+
+
+def _lies(place: Path, within: Path | None) -> bool:
+    """Whether a file lies in a folder, links followed."""
+    return within is None or place.resolve().is_relative_to(within.resolve())

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 coal: Any = import_module("coal")  # its stubs name nothing
-THIN = 1e-4  # m: what is given to a flat solid, as coal's hulls have a volume
+THIN = 3e-4  # of a flat solid's own size: the thickness it is given, as coal's hulls have a volume
 
 
 def rounded(points: np.ndarray, radius: float) -> tuple[Any, pin.SE3]:
@@ -32,7 +32,7 @@ def distances(points: np.ndarray, radius: float, places: np.ndarray) -> np.ndarr
 
 
 def _convex(points: np.ndarray) -> Any:
-    """The hull of points (k, 3) [m]; flat or straight ones get a thickness of THIN."""
+    """The hull of points (k, 3) [m]; flat or straight ones get a thickness."""
     given = coal.StdVec_Vec3s()
     for point in _thick(points):
         given.append(point)
@@ -41,7 +41,8 @@ def _convex(points: np.ndarray) -> Any:
 
 def _thick(points: np.ndarray) -> np.ndarray:
     spread, axes = np.linalg.svd(points - points.mean(axis=0))[1:]
+    thin = THIN * float(np.linalg.norm(np.ptp(points, axis=0)))
     for axis, size in zip(axes, [*spread, 0.0, 0.0][:3], strict=True):
-        if size < THIN:
-            points = np.concatenate([points - 0.5 * THIN * axis, points + 0.5 * THIN * axis])
+        if size < thin:
+            points = np.concatenate([points - 0.5 * thin * axis, points + 0.5 * thin * axis])
     return points

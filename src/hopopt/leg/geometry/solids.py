@@ -50,7 +50,7 @@ def solids(leg: Leg) -> tuple[Solid, ...]:
 
 
 def colliding(leg: Leg) -> tuple[Solid, ...]:
-    """All solids of a leg, and lines in place of links that have none."""
+    """All solids of a leg, and lines in place of links that have none, from the body to the foot."""
     found = solids(leg)
     ends, there = _ends(leg), {solid.joint for solid in found}
     lines = (
@@ -58,7 +58,7 @@ def colliding(leg: Leg) -> tuple[Solid, ...]:
         for k, link in enumerate(leg.links)
         if k not in there
     )
-    return (*found, *lines)
+    return tuple(sorted((*found, *lines), key=lambda solid: solid.joint))
 
 
 def _ends(leg: Leg) -> np.ndarray:

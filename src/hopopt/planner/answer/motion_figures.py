@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId, motor_power
 from hopopt.leg.robot import BASE
@@ -153,9 +154,9 @@ def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
         shares[str(LimitId(Kind.ANGLE, joint))] = near < margin
     shares |= _active_at_the_ground(plan, stance)
-    for name in plan.design.hop.above_ground:
+    for name, points in above_ground(plan.design).items():
         if name != "foot":
-            shares[f"{name} on the ground"] = stance.points[name][:, 1] < ACTIVE * size
+            shares[f"{name} on the ground"] = stance.lowest_of(points) < ACTIVE * size
     shares |= {f"{end} stance": True for end in _ends_of_stance_time(plan)}
     means = {name: _time_mean(stance, np.broadcast_to(active, stance.t.shape) + 0.0) for name, active in shares.items()}
     return most_first({name: share for name, share in means.items() if share > 1e-3})

@@ -14,7 +14,7 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import entry_rules, start_rules, stated_once
 from hopopt.problem.checking.wording import allowed, did_you_mean, hint, is_number
 from hopopt.problem.render import shown, shown_path
-from hopopt.problem.shapes.rules import margin_rules, shape_rules, trunk_rules
+from hopopt.problem.shapes.rules import ground_rules, margin_rules, shape_rules
 from hopopt.problem.urdf.leg import ENTRIES
 
 NEEDED = {  # what to write where a whole section is missing
@@ -58,7 +58,7 @@ def check(data: dict[str, Any], report: Report, without_modules: bool = False) -
     if (leg := sound("leg")) and (start := sound("start")):
         start_rules(leg, start, sound("hop"), report)
         if design and report.clean("start"):
-            trunk_rules(leg, start, design.hop, report)
+            ground_rules(design, report)
     if design:
         design = _with_modules(design, report, without_modules)
     return None if report.faults else design

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from hopopt.problem.render import printable, shown_path
 
@@ -11,12 +12,13 @@ OVERRIDE = "override"  # where an entry came from if not from a file
 @dataclass
 class Report:
     """The faults found so far with the paths of their entries, and the file each entry came from; ``urdf``: that of the
-    leg, if it has one."""
+    leg, if it has one; ``homes``: the folder that each robot's file must not lead out of."""
 
     source: str
     file: str = ""
     urdf: str | None = None
     origins: dict[str, str] = field(default_factory=dict)
+    homes: dict[str, Path] = field(default_factory=dict)
     faults: list[tuple[str, str]] = field(default_factory=list)
     unreadable: bool = False
 

@@ -32,10 +32,11 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
         found += _link_faults(f"leg.{name}", _table(leg, name))
     found += _far_masses({f"leg.{name}": _table(leg, name) for name in links})
     found += _parameter_faults(_table(data, "parameters"))
-    if is_number(legs := _table(leg, "body").get("legs")) and not float(legs).is_integer():
+    if is_number(legs := _table(leg, "body").get("legs")) and legs % 1:
         found.append(("leg.body.legs", f"= {shown(legs)} is not allowed: a whole number of legs is needed"))
     trunk = [TRUNK] if _table(_table(leg, "body"), "shapes") else []
-    for path, words in (*found, *_hop_faults(hop, joints, trunk)):
+    shaped = [name for name in links[:-1] if {"shapes", "radius"} & _table(leg, name).keys()]
+    for path, words in (*found, *_hop_faults(hop, joints, [*trunk, *shaped])):
         if path not in refused:
             report.add(path, words)
 
@@ -130,7 +131,7 @@ def _link_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]
         yield f"{path}.com", f"= {shown(com)} m is beyond the end of the link: a number from 0 to {most} is needed"
 
 
-def _hop_faults(hop: Mapping[str, Any], joints: list[str], trunk: list[str]) -> Iterator[tuple[str, str]]:
+def _hop_faults(hop: Mapping[str, Any], joints: list[str], shaped: list[str]) -> Iterator[tuple[str, str]]:
     """Ranges that begin above their end; a mean speed, which only a periodic hop has; limits of a touchdown, which only hops
     that land have; names that no joint has."""
     for name in ("stance_duration", "flight_duration", "landing_duration"):
@@ -146,7 +147,7 @@ def _hop_faults(hop: Mapping[str, Any], joints: list[str], trunk: list[str]) -> 
                 words = 'hops that land: set hop.kind = "landing" or "periodic", or remove it'
                 yield f"hop.{name}", f"= {shown(value)} is for {words}"
 
-    names, known = _texts(hop.get("above_ground")), [*joints, *trunk, "foot"]
+    names, known = _texts(hop.get("above_ground")), [*joints, *shaped, "foot"]
     for name in dict.fromkeys(names):
         if joints and name not in known:
             yield "hop.above_ground", f"has {shown(name)}{did_you_mean(name, known)}: it takes {', '.join(known)}"

@@ -3,12 +3,12 @@
 import re
 from collections.abc import Iterator
 
-from hopopt.design import HopSettings, Leg, StartPose
-from hopopt.design.fields import TRUNK
+from hopopt.design import Design, HopSettings, Leg
 from hopopt.design.geometry.shape import Shape
-from hopopt.leg.geometry.solids import MOST_JOINTS, NEAR, counted_points, has_shape
-from hopopt.leg.kinematics import joint_positions
+from hopopt.leg.geometry.above import above_ground, lowest_at_start, points_of
+from hopopt.leg.geometry.solids import MOST_JOINTS, NEAR, has_shape
 from hopopt.problem.checking.faults import Report
+from hopopt.problem.render import shown
 
 ROUNDING = 1e-9  # m: a pose given in decimals is not refused for its last digit
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -23,18 +23,17 @@ def shape_rules(leg: Leg, report: Report) -> None:
             report.add(path, words)
 
 
-def trunk_rules(leg: Leg, start: StartPose, hop: HopSettings, report: Report) -> None:
-    """Report a trunk below the ground at the start that the hop wants above it."""
-    above = TRUNK in hop.above_ground or not hop.above_ground
-    angles = start.joint_angles
-    hip = start.hip_height if angles is None else -float(joint_positions(leg, angles)[-1, 2])
-    if not leg.has_trunk or not above or hip is None:
-        return
-    low = hip + next(place[2] for name, _, place in counted_points(leg) if name == TRUNK)
-    if low < hop.least_height - ROUNDING:
-        entry = "hip_height" if angles is None else "joint_angles"
-        words = f"puts the trunk {hop.least_height - low:.3f} m too low, below the ground or hop.least_height"
-        report.add(f"start.{entry}", f"{words}: move the shape, or start higher")
+def ground_rules(design: Design, report: Report) -> None:
+    """Report a trunk or a link that the hop wants above the ground and that starts below it, or whose shape does not count."""
+    known, above, hop = points_of(design), above_ground(design), design.hop
+    for name in sorted(set(hop.above_ground) - set(known)):
+        report.add("hop.above_ground", f"has {shown(name)}, no shape of which counts: leave it out (docs/body.md)")
+    for name in [name for name in above if name not in (*design.leg.joints, "foot")]:
+        low = lowest_at_start(design, name)
+        if low < hop.least_height - ROUNDING:
+            entry = "hip_height" if design.start.joint_angles is None else "joint_angles"
+            words = f"puts the {name} {hop.least_height - low:.3f} m too low, below the ground or hop.least_height"
+            report.add(f"start.{entry}", f"{words}: move the shape, or start higher")
 
 
 def margin_rules(leg: Leg, hop: HopSettings, report: Report) -> None:

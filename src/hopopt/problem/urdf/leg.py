@@ -48,7 +48,10 @@ def located(layer: Mapping[str, Any], folder: Path, label: str, report: Report) 
         return f"there is no such file in {_folder(path, robots)}{_beside(path)}"
 
     found = beside(inside, robots or folder, where, kind.upper(), absent, report)
-    return dict(layer) if found is None else {**layer, "leg": {**leg, kind: str(found)}}
+    if found is None:
+        return dict(layer)
+    report.homes[str(found)] = robots or folder
+    return {**layer, "leg": {**leg, kind: str(found)}}
 
 
 def _robots() -> Path | None:
@@ -98,7 +101,8 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
         raw, point = read_regular(path, MAX_BYTES + 1), given.get("foot_point", (0.0, 0.0, 0.0))
         found = read_leg(raw, rest["joints"], given["foot_frame"], given.get("locked", {}), point, kind)
         report.urdf = path.name
-        tables = with_shapes(_tables(found, rest, report), raw, path.parent, rest["joints"], given)
+        within = report.homes.get(str(path), path.parent)
+        tables = with_shapes(_tables(found, rest, report), raw, path.parent, rest["joints"], given, within)
     except OSError as error:
         report.unusable(f"{shown_path(path.name)} cannot be read: {error.strerror}")
     except UrdfError as error:

@@ -24,7 +24,7 @@ from hopopt.sim.ground.coulomb import (
     slip_direction,
     slipping,
 )
-from hopopt.sim.ground.planar import bias, chain, foot_jacobian, mass_matrix, solved
+from hopopt.sim.ground.planar import bias, chain, foot_jacobian, lowest_watched, mass_matrix, solved
 
 STAYS, LIFTS, LANDS, SLIPS, STICKS, JAMS, STRIKES = 0, 1, 2, 3, 4, 5, 6  # what happens
 CHANGE_PAUSE = 1e-5  # [s] after a change within which no further one is looked for
@@ -165,14 +165,17 @@ def holds(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
 
 
 @kernel
+def struck(leg: Any, q: np.ndarray, joints: np.ndarray) -> float:
+    """Below zero where what is watched is underground [m]; ideal ground takes no notice."""
+    return lowest_watched(leg, q, joints)[0] if leg.mu < np.inf else np.inf
+
+
+@kernel
 def margin(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> float:
-    """Below zero where the mode has ended: ``holds``, a slipping foot that turned round, a foot or joint underground."""
+    """Below zero where the mode has ended: ``holds``, a slipping foot that turned round, a foot or what is watched underground."""
     joints, _, _ = chain(leg, q, v)
     n = len(q) - 2
-    found = np.inf
-    for k in range(n):
-        if leg.watched[k] > 0:
-            found = min(found, joints[k, 1])
+    found = struck(leg, q, joints)
     if mode == FLIGHT:
         return min(found, joints[n, 1])
     if mode != STICK:
@@ -257,10 +260,9 @@ def changed(
 ) -> tuple[np.ndarray, np.ndarray, int, int, float]:
     """q, v and mode after the change at the end of a mode, what happened, and the energy [J] it took."""
     joints, _, _ = chain(leg, q, v)
-    n, lost = len(q) - 2, 0.0
-    for k in range(n):
-        if leg.watched[k] > 0 and joints[k, 1] < 0:
-            return q, v, mode, STRIKES, lost
+    lost = 0.0
+    if struck(leg, q, joints) < 0:
+        return q, v, mode, STRIKES, lost
     q, v = q.copy(), v.copy()
     _, c, G, velocity, _, _, _ = loads(leg, mode, q, v, command)
     if mode == FLIGHT:

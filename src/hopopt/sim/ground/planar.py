@@ -5,6 +5,7 @@ the angles above it; the mass matrix and the bias are sums over the links of the
 Body Dynamics Algorithms, 2008, chapter 6, in coordinates of the plane).
 """
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -12,17 +13,19 @@ import numpy as np
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
+from hopopt.leg.geometry.solids import BODY, SIDES
 from hopopt.leg.kinematics import can_slip
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.ground.stops import Stops
 
 
-def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: float, finer: int = 1) -> Any:
+def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: Collection[str], mu: float, finer: int = 1) -> Any:
     """What the compiled functions need of a leg and its drives, as one record; UsageError for a leg that leaves the plane or
     stands on a vertical slider.
 
-    watched: joints that must not come to the ground; mu: friction coefficient; finer: parts into which every step is cut.
-    The record has these, watched (n,) as 1 or 0, and what follows.
+    watched: points that must not come to the ground; mu: friction coefficient; finer: parts into which every step is cut.
+    The record has these, watched as ``watched_points`` orders them, and what follows.
+    watching: how many are watched; watched_joint, watched_at: the joint that moves each, or BODY, and its place there (2) [m]
     sign (n,): +1 where a joint turns about +y
     tip, com (n, 2): next joint, or foot, and centre of mass in the link's frame [m]
     mass, inertia, armature (n,): [kg, kg m^2]; body: mass of the body [kg]
@@ -47,10 +50,25 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: 
             "gravity": np.array(model.gravity.linear)[[0, 2]],
             **drive.numbers,
             **{"stop_upper": stops.upper, "stop_lower": stops.lower, "stiffness": stops.stiffness, "loss": stops.loss},
-            "watched": np.array([float(name in watched) for name in robot.joints]),
+            **_watched(robot, watched),
             **{"mu": mu, "finer": finer},
         }
     )
+
+
+def watched_points(robot: Robot, names: Collection[str]) -> list[str]:
+    """Points that are watched, those of the body first, then in the order of the joints that move them."""
+    return sorted((name for name in robot.points if name in names), key=lambda name: robot.points[name][0])
+
+
+def _watched(robot: Robot, names: Collection[str]) -> dict[str, Any]:
+    """The record's entries of points that are watched, with room for as many as a leg of so many joints may have."""
+    n, points = len(robot.joints), [robot.points[name] for name in watched_points(robot, names)]
+    room = n + 1 + SIDES * (n - 1)
+    joints, places = np.full(room, BODY), np.zeros((room, 2))
+    for i, (index, place) in enumerate(points):
+        joints[i], places[i] = index - BASE - 1, np.array(place, dtype=float)[[0, 2]]
+    return {"watching": len(points), "watched_joint": joints, "watched_at": places}
 
 
 @kernel
@@ -75,9 +93,26 @@ def chain(leg: Any, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 @kernel
-def joint_heights(legs: Any, q: np.ndarray) -> np.ndarray:
-    """Heights of the joints (n,) [m]; legs: a leg as ``argument``."""
-    return chain(legs[0], q, np.zeros(len(q)))[0][:-1, 1].copy()
+def lowest_watched(leg: Any, q: np.ndarray, joints: np.ndarray) -> tuple[float, int]:
+    """Height [m] of the lowest point that is watched, and its number; infinite and -1 if none is. joints: as ``chain`` has them."""
+    found, which, angle, turned = np.inf, -1, 0.0, 0
+    for i in range(leg.watching):
+        joint, x, z = leg.watched_joint[i], leg.watched_at[i, 0], leg.watched_at[i, 1]
+        height = joints[max(joint, 0), 1]
+        while turned <= joint:
+            angle += leg.sign[turned] * q[2 + turned]
+            turned += 1
+        if x != 0.0 or z != 0.0:
+            height += -np.sin(angle) * x + np.cos(angle) * z
+        if height < found:
+            found, which = height, i
+    return found, which
+
+
+@kernel
+def lowest(legs: Any, q: np.ndarray) -> tuple[float, int]:
+    """``lowest_watched`` of a leg as ``argument``."""
+    return lowest_watched(legs[0], q, chain(legs[0], q, np.zeros(len(q)))[0])
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
 from hopopt.leg.robot import Robot
 from hopopt.sim.ground import contact
-from hopopt.sim.ground.planar import joint_heights, planar_leg
+from hopopt.sim.ground.planar import lowest, planar_leg, watched_points
 from hopopt.sim.plant import RAN_AWAY, Plant
 from hopopt.sim.state import State, Torque
 from hopopt.sim.trace import Event, TraceWriter
@@ -46,8 +47,13 @@ class RoughGround(Plant):
         super().__init__(robot, drive, above_ground, finer)
         self.friction = friction
         self.ideal = friction == np.inf
-        self.leg = planar_leg(robot, drive, self.stops, set() if self.ideal else self.above_ground, friction, finer)
-        self._legs = argument(self.leg)
+        self._legs = argument(planar_leg(robot, drive, self.stops, self.above_ground, friction, finer))
+        self._watched = watched_points(robot, self.above_ground)
+
+    @property
+    def leg(self) -> Any:
+        """The leg as compiled functions take it (``planar_leg``)."""
+        return self._legs[0]
 
     def step(self, s: State, torque: Torque, h: float) -> State:
         """A step of length h [s] without regard to events."""
@@ -74,13 +80,13 @@ class RoughGround(Plant):
         return bool(contact.holds(self.leg, _mode(s), s.q, s.v, self._held(s, torque)) < 0)
 
     def advance(self, s: State, torque: Torque, h: float) -> tuple[State, bool]:
-        """A step of at most h [s], cut short where the contact changes or a joint strikes the ground; whether it is."""
+        """A step of at most h [s], cut short where the contact changes or what is watched strikes the ground; whether it is."""
         command = self._held(s, torque)
         q, v, work, lasted, ended = contact.advance(self.leg, _mode(s), s.foot, s.q, s.v, s.work, command, h)
         return replace(s, q=q, v=v, work=work, t=s.t + lasted), bool(ended)
 
     def change(self, s: State, torque: Torque) -> tuple[State, Event | None]:
-        """The state after a mode has ended, and what happened, with the energy an impact took; a joint that strikes the
+        """The state after a mode has ended, and what happened, with the energy an impact took; what strikes the
         ground ends the run."""
         q, v, mode, what, lost = contact.changed(self.leg, _mode(s), s.q, s.v, self._held(s, torque))
         if what == contact.STRIKES:
@@ -97,14 +103,13 @@ class RoughGround(Plant):
         return after, Event(HAPPENINGS[what], s.t, lost) if what in HAPPENINGS else None
 
     def fault(self, s: State) -> str:
-        """Why the simulation cannot go on, or nothing; on rough ground joints that strike have been noticed at their instant."""
+        """Why the simulation cannot go on, or nothing; on rough ground what strikes has been noticed at its instant."""
         return super().fault(s) if self.ideal else s.halted or ("" if s.sane(self.fastest) else RAN_AWAY)
 
     def lowest_watched(self, s: State) -> tuple[str, float]:
         """As ``Plant.lowest_watched``, compiled."""
-        heights = zip(joint_heights(self._legs, s.q).tolist(), self.robot.joints, strict=True)
-        height, name = min((one for one in heights if one[1] in self.above_ground), default=(np.inf, ""))
-        return name, height
+        height, which = lowest(self._legs, s.q)
+        return self._watched[which].partition(" ")[0] if self._watched else "", float(height)
 
     def _held(self, s: State, torque: Torque) -> np.ndarray:
         return np.asarray(torque(s.t, s.q[-self.n :], s.v[-self.n :]), dtype=float)
