@@ -14,7 +14,7 @@ from hopopt import load
 from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, Leg
 from hopopt.errors import UsageError
-from hopopt.leg.geometry.above import above_ground
+from hopopt.leg.geometry.above import above_ground, height_rows, points_of
 from hopopt.leg.geometry.distance import Distances
 from hopopt.leg.geometry.smooth import clearances, margin_of
 from hopopt.leg.geometry.solids import NEAR, Solid, lowest, outline, placed, solids
@@ -339,6 +339,19 @@ def test_what_stays_above_the_ground_follows_the_shapes(tmp_path: Path) -> None:
     assert "thigh" not in above_ground(paper_leg(tmp_path, thick))
     with pytest.raises(UsageError, match=r"puts the thigh 0\.\d+ m too low"):
         paper_leg(tmp_path, thick + '[hop]\nabove_ground = ["thigh"]\n')
+
+
+def test_a_planner_keeps_the_ends_of_links_higher_by_their_radius(tmp_path: Path) -> None:
+    """So no point of the thigh is lower than the ends less their rows' heights; a capsule too low at the start is told by points."""
+    shaped = paper_leg(tmp_path)
+    rows = {point: least for _, point, least in height_rows(shaped)}
+    radius = 0.04 / np.cos(np.pi / 12)
+    assert rows == {"hip": pytest.approx(radius), "knee": pytest.approx(radius), "trunk": 0.0, "foot": 0.0}
+    machine = Machine(build_robot(shaped.leg))
+    for q in np.random.default_rng(4).uniform([-0.6, -2.4], [1.3, -0.15], (50, 2)):
+        z = {name: place[1] for name, place in machine.points(np.array([0.0, 0.5, *q])).items()}
+        assert min(z[p] for p in points_of(shaped)["thigh"]) >= min(z["hip"], z["knee"]) - radius - 1e-12
+    assert height_rows(load("paper")) == [("hip", "hip", 0.0), ("knee", "knee", 0.0), ("foot", "foot", 0.0)]
 
 
 @pytest.mark.parametrize("friction", [None, 0.6])

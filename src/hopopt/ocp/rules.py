@@ -17,7 +17,7 @@ from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_limits
 from hopopt.extensions import Registry, arguments
-from hopopt.leg.geometry.above import above_ground
+from hopopt.leg.geometry.above import height_rows
 from hopopt.leg.limit_id import Kind, LimitId, motor_power, torque_rate
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import descent_range
@@ -134,19 +134,16 @@ def force_rates(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
 
 def heights(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     """Points of the leg at least hop.least_height above the ground [m]; the foot in flight alone, and at least 0."""
-    hop, motion = leg.design.hop, leg.motion_in(kind)
-    rows = [
-        (name, p) for name, own in above_ground(leg.design).items() if name != "foot" or kind == FLIGHT for p in own
-    ]
+    motion = leg.motion_in(kind)
+    rows = [row for row in height_rows(leg.design) if row[0] != "foot" or kind == FLIGHT]
     if not rows:
         return ()
 
     def value(s: Instant) -> ca.SX:
         points = leg.dynamics(s).points(motion(s).q)
-        return ca.vertcat(*[points[point][1] for _, point in rows])
+        return ca.vertcat(*[points[point][1] for _, point, _ in rows])
 
-    names = tuple(name for name, _ in rows)
-    lower = [0.0 if name == "foot" else hop.least_height for name in names]
+    names, _, lower = zip(*rows, strict=True)
     rises = (
         not leg.drive_states.limited
     )  # a foot that comes off with the cube of time has no quadratic hull above the ground
