@@ -1,5 +1,6 @@
 """Which motor and gear: pairs that clear, what the others lack, and the leg that is written."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,17 @@ from hopopt.planner.solve import solve
 from hopopt.problem.catalogue import catalogue
 from hopopt.problem.load import catalogue_of, changed, load
 from hopopt.studies.choose.bound import highest
-from hopopt.studies.choose.choice import CLEARS, DROPPED, FAILS, UNWEIGHED, WEAK, Candidate, Choice, first_to_verify
+from hopopt.studies.choose.choice import (
+    CLEARS,
+    DROPPED,
+    FAILS,
+    NOT_SOLVED,
+    UNWEIGHED,
+    WEAK,
+    Candidate,
+    Choice,
+    first_to_verify,
+)
 from hopopt.studies.choose.pairs import drives, pairs
 from hopopt.studies.choose.run import choose, written
 from hopopt.studies.maps.pieces import pieces
@@ -182,3 +193,23 @@ def test_every_pair_of_a_small_catalogue_is_tried_and_told(tmp_path: Path) -> No
         load("paper"), 0.3, verify=0, starts=1, processes=1, results=tmp_path, entries=entries, resume=found.folder
     )
     assert [c.preliminary for c in again.candidates] == [c.preliminary for c in found.candidates]
+
+
+@pytest.mark.slow
+def test_a_solve_that_never_settles_counts_by_its_best_iterate_and_a_hopeless_one_ends_soon(tmp_path: Path) -> None:
+    """Ipopt oscillates about this optimum until its iterations are out.
+    A rotor too heavy for its gear lifts nothing; Ipopt's restoration took half a minute to say so."""
+    names = ("faulhaber-4221-bxt", "csf-25-50", "maxon-ec90-flat-400", "csg-17-100")
+    entries, told = {name: catalogue()[name] for name in names}, list[str]()
+    first = list[Choice]()
+    only = ("faulhaber-4221-bxt", "csf-25-50")
+    settings = {"verify": 0, "starts": 1, "processes": 1, "results": tmp_path, "progress": told.append}
+    found = choose(load("paper"), 0.515, only=only, entries=entries, listed=first.append, **settings)
+    assert [c.outcome for c in found.candidates] == [CLEARS]
+    assert found.candidates[0].clearance == pytest.approx(0.519, abs=2e-3)
+    assert any("1 clear so far, the lightest faulhaber-4221-bxt" in words for words in told)
+    assert not first  # nothing is verified, so the list is not told twice
+    only = ("maxon-ec90-flat-400", "csg-17-100")
+    began = time.process_time()
+    assert choose(load("paper"), 0.5, only=only, entries=entries, **settings).candidates[0].outcome == NOT_SOLVED
+    assert time.process_time() - began < 10

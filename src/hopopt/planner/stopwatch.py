@@ -29,12 +29,12 @@ class Countdown:
     def __init__(self, say: Callable[[str], None], what: str, total: int):
         self.say, self.what, self.total, self.done, self.began = say, what, total, 0, time.perf_counter()
 
-    def more(self, count: int = 1) -> None:
-        """So many more are done."""
+    def more(self, count: int = 1, so_far: str = "") -> None:
+        """So many more are done; ``so_far``: what came of them."""
         self.done += count
         each = (time.perf_counter() - self.began) / self.done
         left = f", about {duration(each * (self.total - self.done))} left" if self.done < self.total else ""
-        self.say(f"{self.what}: {self.done} of {self.total} done{left}")
+        self.say(f"{self.what}: {self.done} of {self.total} done{left}{so_far and '; ' + so_far}")
 
 
 def duration(seconds: float) -> str:

@@ -9,12 +9,13 @@ from hopopt.cli.screen.console import Shown, table
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.answer.extras import CoDesign, FreeEntry
 from hopopt.planner.stopwatch import duration
-from hopopt.studies.choose.choice import DROPPED, UNWEIGHED, WEAK, Candidate, Choice
+from hopopt.studies.choose.choice import DROPPED, FILE, UNWEIGHED, WEAK, Candidate, Choice
 from hopopt.studies.maps.found import Map
 from hopopt.studies.pareto.front import Front
 from hopopt.studies.sweep.run import Study
 
 SHOWN = 60  # points; the rest is in the table's file
+PAIRS = 30  # of those that clear, and of those that do not; the rest is in the choice's file
 LISTED = 12  # the best designs of a map
 
 
@@ -143,25 +144,16 @@ def _between(p: FreeEntry) -> list[str]:
     return lines
 
 
+def of_preliminary_choice(found: Choice) -> Iterator[Shown]:
+    """Pairs that clear as the first mesh has it, while the first of them are verified."""
+    yield from _clearing(found)
+    yield f"so it is on the first mesh; the first are verified now, which may be interrupted: {found.folder} keeps this list"
+
+
 def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
     """Pairs that clear, the first the best, what the others lack, and what the numbers rest on; ``file``: the leg written."""
-    heads = ("motor and gear", "drives kg", "body kg", "price EUR", "push J", "peak W", "clearance m", "")
-    rows = [
-        [
-            c.pair.name, *_figures(c.mass, c.body_mass), _figure(c.price), *_figures(c.energy, c.peak_power),
-            _figure(c.clearance, 4), f"{c.state}{'' if not c.pair.unverified else ', unverified numbers'}",
-        ]
-        for c in found.clearing
-    ]  # fmt: skip
-    legs = f" of {found.drives.legs} legs" if found.drives.legs > 1 else ""
-    yield table(heads, rows, f"clear {found.wish:g} m, by {found.by}: drives of {', '.join(found.drives.joints)}{legs}")
-    if not rows:
-        yield f"no pair clears {found.wish:g} m"
-    lost = [[c.pair.name, *_figures(c.mass), _figure(c.clearance, 4), _figure(c.bound), _why(c)] for c in found.others]
-    if lost:
-        yield table(
-            ("motor and gear", "drives kg", "clearance m", "at most m", "lacks"), lost, f"do not clear {found.wish:g} m"
-        )
+    yield from _clearing(found)
+    yield from _not_clearing(found)
     d = found.drives
     yield (
         f"the body's {d.design.leg.body.mass:g} kg count {d.present:.3g} kg of present drives, {d.assumed}; new drives take their place "
@@ -179,6 +171,40 @@ def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
     elif file is not None:
         yield f"{file} is not written: no pair clears {found.wish:g} m"
     yield f"results {found.folder}" if found.folder else "nothing was solved"
+
+
+def _clearing(found: Choice) -> Iterator[Shown]:
+    """Those that clear, the best first."""
+    heads = ("motor and gear", "drives kg", "body kg", "price EUR", "push J", "peak W", "clearance m", "")
+    rows = [
+        [
+            c.pair.name, *_figures(c.mass, c.body_mass), _figure(c.price), *_figures(c.energy, c.peak_power),
+            _figure(c.clearance, 4), f"{c.state}{'' if not c.pair.unverified else ', unverified numbers'}",
+        ]
+        for c in found.clearing
+    ]  # fmt: skip
+    legs = f" of {found.drives.legs} legs" if found.drives.legs > 1 else ""
+    yield table(
+        heads, rows[:PAIRS], f"clear {found.wish:g} m, by {found.by}: drives of {', '.join(found.drives.joints)}{legs}"
+    )
+    if not rows:
+        yield f"no pair clears {found.wish:g} m"
+    if len(rows) > PAIRS:
+        yield _more(found, len(rows) - PAIRS)
+
+
+def _not_clearing(found: Choice) -> Iterator[Shown]:
+    """What the others lack, the nearest first."""
+    heads = ("motor and gear", "drives kg", "clearance m", "at most m", "lacks")
+    rows = [[c.pair.name, *_figures(c.mass), _figure(c.clearance, 4), _figure(c.bound), _why(c)] for c in found.others]
+    if rows:
+        yield table(heads, rows[:PAIRS], f"do not clear {found.wish:g} m, the nearest first")
+    if len(rows) > PAIRS:
+        yield _more(found, len(rows) - PAIRS)
+
+
+def _more(found: Choice, count: int) -> str:
+    return f"… and {count} more{f' in {found.folder / FILE}' if found.folder else ''}"
 
 
 def _why(c: Candidate) -> str:

@@ -1,14 +1,16 @@
 """The command that chooses motor and gear: choose."""
 
+from contextlib import ExitStack
 from pathlib import Path
 
 from hopopt import amounts
 from hopopt.cli.options import AsJson, Figures, Overrides, check_new, drawn, ended, write_new
-from hopopt.cli.screen.console import progress
-from hopopt.cli.screen.studies import of_choice
+from hopopt.cli.screen.console import progress, show
+from hopopt.cli.screen.studies import of_choice, of_preliminary_choice
 from hopopt.plots.studies.choice import save
 from hopopt.problem.load import catalogue_of, load, resolved_toml
 from hopopt.storage.folder import write_json
+from hopopt.studies.choose.choice import FILE, Choice
 from hopopt.studies.choose.run import choose as chosen
 from hopopt.studies.choose.run import written
 
@@ -78,16 +80,26 @@ def choose(
     folders = [] if resume is None else [resume]
     listed, names = (None if text is None else [name.strip() for name in text.split(",")] for text in (joints, only))
     try:
-        with progress(json_) as say:
+        with ExitStack() as shown:
+            say = [shown.enter_context(progress(json_))]
+
+            def shown_first(found: Choice) -> None:
+                if found.folder is not None:
+                    write_json(found.as_dict(), found.folder / FILE)
+                shown.close()
+                if not json_:
+                    show(of_preliminary_choice(found))
+                say.append(shown.enter_context(progress(json_)))
+
             found = chosen(
                 design, clearance, joints=listed, only=names, legs=legs, by=by, verify=verify, present_mass=present_mass, starts=starts,
-                processes=processes, scheduler=scheduler, results=results, resume=resume, progress=say,
-                opened=folders.append, entries=catalogue_of(problem or "paper", set_ or ()),
+                processes=processes, scheduler=scheduler, results=results, resume=resume,
+                progress=lambda text: say[-1](text), opened=folders.append, listed=shown_first, entries=catalogue_of(problem or "paper", set_ or ()),
             )  # fmt: skip
             if (folder := found.folder) is not None:
-                write_json(found.as_dict(), folder / "choice.json")
+                write_json(found.as_dict(), folder / FILE)
                 if figures:
-                    say("drawing")
+                    say[-1]("drawing")
                     safe = f"the data in {folder} are complete"
                     drawn(lambda: save(found, folder / "figures"), "figures are missing", safe)
     except KeyboardInterrupt:

@@ -94,10 +94,10 @@ def known_optima(hop: Hop, outcomes: Sequence[StartOutcome] = ()) -> KnownOptima
     return watch
 
 
-def watch_on(t: Transcription) -> KnownOptima:
-    """A watch for hops of a program, by their stances; none is known yet."""
+def watch_on(t: Transcription, kind: type[KnownOptima] = KnownOptima) -> KnownOptima:
+    """A watch of a kind for hops of a program, by their stances; none is known yet."""
     where, every = t.variables[STANCE], np.arange(len(t.scale))
-    return KnownOptima(len(t.scale), t.lbg, t.ubg, np.concatenate([every[where.x], every[where.durations]]))
+    return kind(len(t.scale), t.lbg, t.ubg, np.concatenate([every[where.x], every[where.durations]]))
 
 
 def remember(watch: KnownOptima, outcome: StartOutcome) -> None:

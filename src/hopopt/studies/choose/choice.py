@@ -11,6 +11,7 @@ from hopopt.studies.choose.pairs import Drives, Pair
 
 CLEARS, FAILS, DROPPED, UNWEIGHED = "clears", "does not clear", "cannot clear", "no mass is stated"
 NOT_SOLVED, WEAK = "not solved", "cannot hold the start pose"
+FILE = "choice.json"  # in the folder, all of it
 CLOSE = 5e-3  # share of the clearance by which a preliminary value may be off: so near to it, verification decides
 ORDERS: dict[str, Callable[["Candidate"], float | None]] = {  # by what candidates are sorted, the least first
     "mass": lambda c: c.mass,

@@ -52,6 +52,7 @@ def choose(
     resume: Path | None = None,
     progress: Say | None = None,
     opened: Callable[[Path], None] = lambda folder: None,
+    listed: Callable[[Choice], None] = lambda found: None,
     entries: Mapping[str, Entry] | None = None,
 ) -> Choice:
     """Every pair of motor and gear that lifts the leg's lowest point by a clearance [m], sorted.
@@ -59,6 +60,7 @@ def choose(
     only: patterns of the names of motors and gears (None: all); joints: whose drives are chosen (None: all, with one pair); legs: of the robot, whose drives the body carries
     by: mass, price, energy or peak-power; verify: how many of the first are verified in full
     present_mass: of the present drives of one leg [kg]; entries: the catalogue, if it is another
+    listed: told the choice when all pairs are solved and some are still to be verified
 
     UsageError for what cannot be asked. The rest as of a map.
     """
@@ -72,13 +74,17 @@ def choose(
         raise UsageError(f"--verify {verify}: it must be at least 0")
     chosen = drives(design, joints, legs, present_mass, known)
     before = [_before(chosen, pair, clearance, known) for pair in pairs(known, only)]
-    left = [c for c in before if not c.outcome]
+    left = sorted((c for c in before if not c.outcome), key=lambda c: c.mass or 0.0)
     done = tuple(c for c in before if c.outcome)
     if not left:
         return Choice(chosen, clearance, by, done, None, time.perf_counter() - began)
-    definition = _definition(chosen, [c.pair for c in left], known, starts)
+    definition = _definition(chosen, [c.pair for c in left], known, starts, clearance)
+
+    def preliminary(solved: Sequence[Candidate], folder: Path) -> None:
+        listed(Choice(chosen, clearance, by, (*solved, *done), folder, time.perf_counter() - began))
+
     solved, folder = _solved(
-        definition, left, clearance, by, verify,
+        definition, left, clearance, by, verify, preliminary,
         processes=processes or os.cpu_count() or 1, scheduler=scheduler, results=results, resume=resume, progress=progress,
         opened=opened,
     )  # fmt: skip
@@ -104,7 +110,9 @@ def _before(chosen: Drives, pair: Pair, wish: float, entries: Mapping[str, Entry
     return replace(found, bound=most, outcome=choice.WEAK if weak else "", lacks="torque" if weak else "")
 
 
-def _definition(chosen: Drives, left: Sequence[Pair], entries: Mapping[str, Entry], starts: int | None) -> Definition:
+def _definition(
+    chosen: Drives, left: Sequence[Pair], entries: Mapping[str, Entry], starts: int | None, wish: float
+) -> Definition:
     """The map of these pairs: each a point, entries in which they differ its axes."""
     keys = keys_of(left, entries, chosen.design.leg)
     rows = [chosen.numbers(pair, entries, keys) for pair in left]
@@ -115,23 +123,32 @@ def _definition(chosen: Drives, left: Sequence[Pair], entries: Mapping[str, Entr
     }
     axes = tuple(Axis(entry, (), float(column.min()), float(column.max())) for entry, column in varied.items())
     points = tuple(tuple(float(column[k]) for column in varied.values()) for k in range(len(rows)))
-    return Definition(base, "clearance", axes, starts=starts, preliminary=True, listed=points)
+    return Definition(base, "clearance", axes, starts=starts, preliminary=True, listed=points, wish=wish)
 
 
 def _solved(
-    definition: Definition, left: Sequence[Candidate], wish: float, by: str, verify: int, **settings: Any
-) -> tuple[list[Candidate], Path]:
+    definition: Definition, left: Sequence[Candidate], wish: float, by: str, verify: int,
+    listed: Callable[[Sequence[Candidate], Path], None], opened: Callable[[Path], None], **settings: Any,
+) -> tuple[list[Candidate], Path]:  # fmt: skip
     """The candidates as the map leaves them."""
-    known = dict[int, Candidate]()
+    known, folder = dict[int, Candidate](), list[Path]()
+
+    def told(place: Path) -> None:
+        folder.append(place)
+        opened(place)
 
     def to_verify(points: Mapping[int, MapPoint], hops: Mapping[int, np.ndarray]) -> list[int]:
         for k, p in points.items():
             known[k] = _mapped(definition, left[k], p, hops.get(k), wish)
-        return first_to_verify(known, by, verify)
+        chosen = first_to_verify(known, by, verify)
+        if chosen:
+            listed([known[k] for k in range(len(left))], folder[0])
+        return chosen
 
     found = run_map(
-        definition, checked=0, doubts=lambda points: _nearly(definition, points, wish), to_verify=to_verify, **settings
-    )
+        definition, checked=0, doubts=lambda points: _nearly(definition, points, wish), to_verify=to_verify,
+        so_far=lambda points: _so_far(left, points, wish), opened=told, **settings,
+    )  # fmt: skip
     for k, p in enumerate(found.points):
         if p.verified and p.clearance_m is not None:
             outcome = outcome_of(p.clearance_m, wish, True)
@@ -140,6 +157,15 @@ def _solved(
         elif not isinstance(p, MapPoint):
             known[k] = replace(known[k], sentence=f"{p.outcome}: {p.sentence}")
     return [known[k] for k in range(len(left))], found.folder
+
+
+def _so_far(left: Sequence[Candidate], points: Mapping[int, MapPoint], wish: float) -> str:
+    """How many clear as yet, and the lightest of them."""
+    clear = [left[k] for k, p in points.items() if (p.objective_value or 0.0) >= wish]
+    if not clear:
+        return "none clears yet"
+    best = min(clear, key=lambda c: c.mass or 0.0)
+    return f"{len(clear)} clear so far, the lightest {best.pair.name} ({best.mass:.3g} kg)"
 
 
 def _nearly(definition: Definition, points: Mapping[int, MapPoint], wish: float) -> list[int]:

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 from hopopt.nlp.deadline import Deadline
 from hopopt.nlp.solver.ipopt import GENTLE_OPTIONS, NlpSolution, NlpSolver
-from hopopt.nlp.solver.known_optima import Known
+from hopopt.nlp.solver.known_optima import Known, KnownOptima
+from hopopt.nlp.solver.patience import Patience
 from hopopt.ocp.guesses.feasibility import strength
 from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
@@ -26,25 +27,32 @@ SETTLED = {  # an optimum that is approached so slowly is settled, within 1e-3 o
 HOPELESS = GENTLE_OPTIONS | {"ipopt.max_resto_iter": 15}
 COLD = HOPELESS | SETTLED | {"ipopt.tol": TOLERANCE, "ipopt.max_iter": ITERATIONS}
 STARTS = 2  # of the problem
+FAR = 0.75  # share of the value that a list asks for: where the first start ends below it no other is tried
 
 
 def cold_program(definition: Definition, hop: Hop, point: Point, until: Deadline) -> NlpSolver:
     """The first mesh's program of a point, to be solved from anywhere; it knows no hop yet."""
-    solver = first_program(definition, hop, point.values, until, COLD)[1]
+    watching = Patience if definition.listed else KnownOptima
+    solver = first_program(definition, hop, point.values, until, COLD, watching)[1]
     if solver.known is not None:
         solver.known.known.clear()
     return solver
 
 
-def from_starts(hop: Hop, solver: NlpSolver) -> Iterator[NlpSolution]:
+def settled(solver: NlpSolver, s: NlpSolution) -> NlpSolution:
+    """How a solve ended; of one of a list that did not settle its best iterate."""
+    return solver.known.settled(s) if isinstance(solver.known, Patience) else s
+
+
+def from_starts(hop: Hop, solver: NlpSolver, wish: float = 0.0) -> Iterator[NlpSolution]:
     """The hops that its starts lead to; one that runs into a hop found before it is given up. A leg that cannot hold its start
-    pose is seldom helped by another start than the first."""
+    pose, or ends far below the wish, is seldom helped by another start than the first."""
     weak = strength(hop.design, hop.robot) < 1
     for start in starts_of(hop, STARTS):
-        s = solver(make_guess(hop, start))
+        s = settled(solver, solver(make_guess(hop, start)))
         if s.success:
             if solver.known is not None:
                 solver.known.known.append(Known(s.z, -hop.objective.signed_value(s.objective)))
             yield s
-        elif weak:
+        if weak or (s.success and hop.objective.signed_value(s.value) < FAR * wish):
             return

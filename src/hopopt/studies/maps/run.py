@@ -54,6 +54,7 @@ def run_map(
     checked: int = CHECKED,
     doubts: Callable[[Mapping[int, MapPoint]], Collection[int]] = lambda points: (),
     to_verify: Callable[[Mapping[int, MapPoint], Mapping[int, np.ndarray]], Sequence[int]] | None = None,
+    so_far: Callable[[Mapping[int, MapPoint]], str] = lambda points: "",
     processes: int | None = None,
     scheduler: str | None = None,
     results: Path = Path("results"),
@@ -66,7 +67,7 @@ def run_map(
 
     verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random;
     doubts: which points besides are solved again from those around them; to_verify: which are verified besides, once all
-    are solved; until: when no piece may be begun any more: the map is then what is finished, and can be resumed
+    are solved; so_far: words on the points that are solved, for the line of progress; until: when no piece may be begun any more: the map is then what is finished, and can be resumed
     """
     began, say = time.perf_counter(), progress or (lambda text: None)
     check_verify_best(verify_best, definition.preliminary)
@@ -76,7 +77,7 @@ def run_map(
         remove_abandoned(place)
     with kept(folder, f"what is finished is kept: hopopt sweep --resume {folder}"):
         with workers(count := processes or os.cpu_count() or 1, scheduler) as crew:
-            work = _Work(definition, folder, crew, say, until)
+            work = _Work(definition, folder, crew, say, until, so_far)
             first = read_part(folder, FIRST, 0, definition) or _saved(folder, first_search(definition, count, say))
             parts = work.pieces(first)
             if until.passed:
@@ -150,6 +151,7 @@ class _Work:
     crew: Workers
     say: Progress
     until: Deadline = NEVER
+    so_far: Callable[[Mapping[int, MapPoint]], str] = lambda points: ""
     solved: int = 0
 
     def pieces(self, first: Part) -> list[Part]:
@@ -175,7 +177,7 @@ class _Work:
                 save_part(self.folder, part)
                 done[part.number] = part
                 self.solved += len(part.points)
-                count_down.more(len(part.points))
+                count_down.more(len(part.points), self.so_far(_latest(list(done.values()))))
         return [done[p.number] for p in whole if p.number in done]
 
     def again(self, parts: Sequence[Part], besides: Collection[int]) -> list[Part]:

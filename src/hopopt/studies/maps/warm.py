@@ -16,7 +16,7 @@ from hopopt.nlp.solver.ipopt import CARRIED, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
-from hopopt.studies.maps.cold import TOLERANCE, cold_program, from_starts
+from hopopt.studies.maps.cold import TOLERANCE, cold_program, from_starts, settled
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import first_program
 from hopopt.studies.sweep.order import UNLIKE
@@ -140,7 +140,7 @@ def _from_starts(
 ) -> tuple[dict[int, NlpSolution], Transcription]:
     """The first hop that the problem's starts lead to, of a list the best."""
     solver = cold_program(definition, hop, point, until)
-    ended = list(islice(from_starts(hop, solver), None if definition.listed else 1))
+    ended = list(islice(from_starts(hop, solver, definition.wish), None if definition.listed else 1))
     best = max(ended, key=lambda s: hop.objective.signed_value(s.value), default=None)
     return {} if best is None else {RESTART: best}, solver.transcription
 
@@ -174,7 +174,7 @@ def solved_from_points(
     for family, begin in begins:
         if len(begin) != len(solver.transcription.scale):  # another mesh
             continue
-        s = solver.from_vector(begin.astype(float) / solver.transcription.scale)
+        s = settled(solver, solver.from_vector(begin.astype(float) / solver.transcription.scale))
         if s.success and _better(hop, s.value, best):
             best, x = _stated(hop, point, s.value, family, point.family), s.z * solver.transcription.scale
     return replace(best, seen=seen, corrected=point.corrected or len(x) > 0), x

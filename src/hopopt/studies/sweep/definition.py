@@ -52,6 +52,7 @@ class Definition:
     starts: int | None = None
     preliminary: bool = False  # solved on the first mesh alone (studies/maps)
     listed: tuple[tuple[float, ...], ...] = ()  # the points, where they are neither a grid nor a sample
+    wish: float = 0.0  # value that is asked for of a list: what ends far below it is not searched for long
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -99,8 +100,9 @@ class Definition:
     def normalized(self) -> np.ndarray:
         """The points with every axis from 0 to 1, (points, axes): what counts as near."""
         points, ends = self.points, np.array([axis.range for axis in self.axes]).T
-        if self.listed and ends.min() > 0:  # of a list the numbers may be of any size
-            points, ends = np.log(points), np.log(ends)
+        if self.listed:  # its numbers may be of any size
+            above = ends[0] > 0
+            points, ends = (np.log(x, out=x.copy(), where=np.broadcast_to(above, x.shape)) for x in (points, ends))
         low, high = ends
         return (points - low) / np.where(high > low, high - low, 1.0)
 
@@ -121,7 +123,7 @@ class Definition:
             "format": FORMAT, "problem": self.design.name, "problem_hash": design_hash(self.design),
             "objective": self.objective, "axes": axes, "sample": self.sample, "seed": self.seed,
             "starts": self.starts, "points": len(self.points), **({"preliminary": True} if self.preliminary else {}),
-            **({"listed": [list(row) for row in self.listed]} if self.listed else {}),
+            **({"listed": [list(row) for row in self.listed], "wish": self.wish} if self.listed else {}),
         }  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from hopopt.leg.geometry.solids import has_shape
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.compiled import compiling
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
+from hopopt.nlp.solver.known_optima import KnownOptima
 from hopopt.nlp.solver.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
@@ -43,35 +44,35 @@ class Neighbour:
 
 def first_program(
     definition: Definition, hop: Hop, values: Mapping[str, float], until: Deadline,
-    options: Mapping[str, Any] = FROM_NEIGHBOUR,
+    options: Mapping[str, Any] = FROM_NEIGHBOUR, watching: type[KnownOptima] = KnownOptima,
 ) -> tuple[Transcription, NlpSolver]:  # fmt: skip
     """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start, with Ipopt's
-    ``options``.
+    ``options``, and ``watching`` it.
 
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
     """
     form = {entry: values[entry] for entry in _formative(hop.design, values)}
-    key = repr((definition.as_dict(), form, options))
+    key = repr((definition.as_dict(), form, options, watching.__name__))
     if key not in _compiled:
         while len(_compiled) >= KEPT_PROGRAMS:
             del _compiled[next(iter(_compiled))]
         try:
-            _compiled[key] = _ready(Hop(definition.design_with(form), definition.objective), options=options)
+            _compiled[key] = _ready(Hop(definition.design_with(form), definition.objective), NEVER, options, watching)
         except ProblemFileError:  # only its points are possible
-            return _ready(hop, until, options)[1:]
+            return _ready(hop, until, options, watching)[1:]
     common, t, solver = _compiled[key]
     if common.dependent != hop.dependent:  # which joints a closed loop moves is form too
-        return _ready(hop, until, options)[1:]
+        return _ready(hop, until, options, watching)[1:]
     t = with_numbers_of(t, hop.problem)
     return t, solver.on(t, until)
 
 
 def _ready(
-    hop: Hop, until: Deadline = NEVER, options: Mapping[str, Any] = FROM_NEIGHBOUR
+    hop: Hop, until: Deadline, options: Mapping[str, Any], watching: type[KnownOptima]
 ) -> tuple[Hop, Transcription, NlpSolver]:
     """A problem with its first mesh's program, to be solved with Ipopt's options."""
     t = first_transcription(hop)
-    return hop, t, NlpSolver(t, options, watch_on(t), until)
+    return hop, t, NlpSolver(t, options, watch_on(t, watching), until)
 
 
 def compiling_shared(definition: Definition) -> AbstractContextManager[None]:

@@ -72,6 +72,7 @@ def read_definition(folder: Path) -> Definition:
                 data["objective"],
                 tuple(Axis(e, (), *r) for e, r in vary.items()),
                 listed=listed,
+                wish=float(data.get("wish", 0.0)),
                 starts=data["starts"],
                 preliminary=True,
             )
