@@ -33,6 +33,7 @@ PAGES: dict[str, tuple[str, str, tuple[Any, ...]]] = {  # file -> title, first s
     )),
     "studies": ("Functions: many hops", "Studies of many hops.", (ho.sweep, ho.choose, ho.pareto, ho.robust, ho.transition)),
     "kept": ("Functions: what is kept", "Results written, read and verified.", (ho.save, ho.read, ho.verify)),
+    "live": ("A live page", "A page on which numbers are dragged.", (ho.explore, ho.LivePage)),
     "hop": ("Classes: a hop", "What `ho.solve` returns.", (ho.Solution, Samples)),
     "checks": ("Classes: what is said of a hop", "Sensitivities and checks.", (Influence, ho.Verification, Verdict, Check)),
     "moment": ("Classes: problems and functions of your own", "What your own functions and controllers are given.", (
@@ -57,6 +58,7 @@ EXAMPLES = {  # s is a solved hop of the paper's leg
     "objective": '@ho.objective(unit="m", scale=0.5)\ndef body_height(end):\n    return end.q[1]  # of the body, where the hop ends\n\n\ns = ho.solve("paper", body_height, starts=1)',
     "constraint": '@ho.constraint(upper=600.0, unit="N", scale=600.0, phases=("stance",))\ndef soft_ground(now):\n    return now.f[-1]\n\n\ns = ho.solve("paper", constraints=[soft_ground], starts=1)',
     "sweep": 'study = ho.sweep("paper", {"leg.gear.ratio": [80, 90, 100]}, starts=1, time_limit=300)\nprint(study.best.values, study.to_dataframe()["clearance_m"].max())',
+    "explore": 'page = ho.explore("paper", entries=["leg.gear.ratio"], starts=1)\nprint(page.address)\npage.close()',
     "choose": 'choice = ho.choose("paper", 0.6, verify=2)\nprint(choice.candidates[:3])',
     "pareto": 'front = ho.pareto("paper", "peak_force", points=3, starts=1)\nprint(front.to_dataframe()[["clearance_m", "objective_value"]])',
     "robust": 'found = ho.robust(s, draws=60, evaluations=1)\nprint(found.to_dataframe().groupby("strategy")["clearance_m"].median())',

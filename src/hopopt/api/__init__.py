@@ -7,6 +7,7 @@ below; of a class with no hops in it, ``asked.as_class`` does.
 
 # the old names are not in __all__: nobody need find them any more
 from hopopt.api.keeping import save
+from hopopt.api.notebook.live import LivePage, explore
 from hopopt.api.old_names import codesign as codesign  # pyright: ignore[reportDeprecated]
 from hopopt.api.old_names import front as front  # pyright: ignore[reportDeprecated]
 from hopopt.api.program import Program, ProgramSolution
@@ -26,6 +27,7 @@ __all__ = [
     "Front",
     "HopsComparison",
     "Ladder",
+    "LivePage",
     "Map",
     "Program",
     "ProgramSolution",
@@ -37,6 +39,7 @@ __all__ = [
     "Verification",
     "choose",
     "constraint",
+    "explore",
     "identify",
     "load",
     "objective",

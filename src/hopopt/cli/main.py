@@ -34,6 +34,7 @@ COMMANDS = {  # group of the help page -> command -> where its function is, and 
         "sweep": ("studies.sweep", "Solve a problem at many values of one entry or several."),
         "choose": ("studies.choose", "Find the motors and gears that lift the foot so high."),
         "pareto": ("studies.pareto", "Find the least energy, force or time for each clearance."),
+        "explore": ("studies.explore", "Drag the leg's numbers on a live page, and watch it hop."),
         "families": ("studies.families", "Tell which kinds of hop a leg has, in words and a picture."),
     },
     "To share": {

@@ -142,7 +142,7 @@ def derivatives(design: Design, by: Slopes, signed: bool = True) -> dict[str, tu
     ``by`` belongs to the program of ``with_own_drives``; not ``signed``: what the parts of each come to without their signs.
     """
     own: dict[str, float] = {}
-    for path, slope in _contributions(design, by):
+    for path, slope in contributions(design, by):
         own[path] = own.get(path, 0.0) + (slope if signed else abs(slope))
     users: dict[str, list[str]] = {}
     for path, joint, part, entry in drive_entries(design.leg):
@@ -155,7 +155,7 @@ def derivatives(design: Design, by: Slopes, signed: bool = True) -> dict[str, tu
     return found | {path: (slope, None) for path, slope in own.items() if path not in parts | found.keys()}
 
 
-def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
+def contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
     """Paths and derivatives, to be summed by path."""
     yield from ((path, float(slope[0])) for path, slope in by.parameters.items())
     from_rest = not design.hop.periodic

@@ -29,7 +29,7 @@ from hopopt.problem.load import load
 SOLVERS = {"ipopt": True, "uno": False}  # NLP solvers of CasADi, and whether hopopt needs them
 EXTRAS = {
     "dask": "dask", "distributed": "dask", "example-robot-data": "robots", "jupyterlab": "notebooks", "mcap": "mcap",
-    "mcap-ros2-support": "mcap", "mujoco": "mujoco", "pycollada": "view", "viser": "view",
+    "mcap-ros2-support": "mcap", "mujoco": "mujoco", "pycollada": "view", "tornado": "explore", "viser": "view",
 }  # fmt: skip
 SHOWN_VERSIONS = ("hopopt", *(name for name in TESTED if name not in EXTRAS))
 COARSE_MESH = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}

@@ -15,7 +15,7 @@ TESTED = {  # the newest of each that all tests have passed with, on the newest 
     "numba": "0.68.1", "numpy": "2.5.5", "packaging": "26.4", "pin": "4.1.0", "pydantic": "2.14.4", "rich": "14.3.4",
     "scipy": "1.18.1", "typing-extensions": "4.16.0", "xarray": "2026.9.0",
     "dask": "2026.8.0", "distributed": "2026.8.0", "example-robot-data": "6.0.0", "mcap": "1.6.0", "mcap-ros2-support": "0.6.0",
-    "mujoco": "4.0.0", "pycollada": "0.9.3", "viser": "1.1.1",
+    "mujoco": "4.0.0", "pycollada": "0.9.3", "tornado": "6.6.1", "viser": "1.1.1",
 }  # fmt: skip
 PYTHON = "Programming Language :: Python :: "
 

@@ -1,6 +1,6 @@
 """Where a map begins: the search of a single solve at the point nearest its middle, and the families that it finds."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -64,13 +64,22 @@ def _possible(definition: Definition) -> Iterator[tuple[int, Hop]]:
 
 
 def _carried(definition: Definition, hop: Hop, k: int, found: list[StartOutcome]) -> Part:
+    carried, said = families_of(hop, found, definition.normalized[k])
+    return Part(FIRST, 0, (), {}, {k: carried}, said)
+
+
+def families_of(
+    hop: Hop, found: Sequence[StartOutcome], place: np.ndarray
+) -> tuple[dict[int, Carried], tuple[str, ...]]:
+    """Of the different hops that a search found, the best first, those worth carrying on from a place, by family from 1 on;
+    and what they do, in words."""
     t = first_transcription(hop)
     top, size = found[0].signed_value, max(abs(found[0].objective), 1e-9)
     worth = [o for o in found[:FAMILIES] if top - o.signed_value <= WORTH_CARRYING * size]
-    place, carried, said = definition.normalized[k], dict[int, Carried](), list[str]()
+    carried, said = dict[int, Carried](), list[str]()
     for family, o in enumerate(worth, 1):
         v = o.vectors
         gap = (top - o.signed_value) / size
         carried[family] = Carried(v["z"] * t.scale, v["lam_g"], v["lam_x"], gap, place)
         said.append(words(motion(hop, Motion(hop.design, hop.objective.name, solution_of(o, t).phases))))
-    return Part(FIRST, 0, (), {}, {k: carried}, tuple(said))
+    return carried, tuple(said)

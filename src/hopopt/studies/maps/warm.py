@@ -83,9 +83,16 @@ def solved_at(definition: Definition, k: int, families: Families, before: int | 
     """Point k from the families as they are carried to it, and those carried on; ``before``: the best family where it
     begins."""
     point = MapPoint(k, definition.values(k), NOT_SOLVED)
+    return solved_with(definition, point, definition.normalized[k], families, before)
+
+
+def solved_with(
+    definition: Definition, point: MapPoint, place: np.ndarray, families: Families, before: int | None
+) -> tuple[MapPoint, Families]:
+    """A point at any place of the study, not only those of its list: as ``solved_at``."""
     try:
-        hop = Hop(definition.design_at(k), definition.objective)
-        found, t = _found(definition, hop, point, families)
+        hop = Hop(definition.design_with(point.values), definition.objective)
+        found, t = _found(definition, hop, point, place, families)
     except ProblemFileError as error:
         words = error.problems[0].removeprefix("override ")
         return replace(point, outcome=IMPOSSIBLE, sentence=words), families
@@ -99,7 +106,6 @@ def solved_at(definition: Definition, k: int, families: Families, before: int | 
     best = next(iter(distinct))
     kept = {f: c for f, c in families.items() if f not in found and f != RESTART}
     top = hop.objective.signed_value(distinct[best].value)
-    place = definition.normalized[k]
     for family, s in distinct.items():
         gap = (top - hop.objective.signed_value(s.value)) / max(abs(top), s.least)
         kept[family] = Carried(s.z * t.scale, s.lam_g, s.lam_x, gap, place)
@@ -115,10 +121,10 @@ def _stated(hop: Hop, point: MapPoint, value: float, family: int, before: int | 
 
 
 def _found(
-    definition: Definition, hop: Hop, point: MapPoint, families: Families
+    definition: Definition, hop: Hop, point: MapPoint, place: np.ndarray, families: Families
 ) -> tuple[dict[int, NlpSolution], Transcription]:
     """What the families lead to that may be best here, else all of them, else the problem's starts; failures left out."""
-    until, place = NEVER.within(LONGEST), definition.normalized[point.index]
+    until = NEVER.within(LONGEST)
     if not families:
         return _from_starts(definition, hop, point, until)
     t, solver = first_program(definition, hop, point.values, until, WARM)

@@ -147,7 +147,7 @@ def define(
     count = sampling(sample)[1] if sample else 1
     axes = tuple(axis(entry, given, bool(sample)) for entry, given in vary.items())
     for a in axes:
-        _check_entry(design, a)
+        check_entry(design, a)
         count *= 1 if sample else len(a.values)
     if count > MOST_POINTS:
         raise UsageError(f"these are {count} points: a study has {MOST_POINTS} at most")
@@ -238,7 +238,7 @@ def _rows(design: Design) -> dict[str, Any]:
     return {row.path: row.value for row in rows(design)}
 
 
-def _check_entry(design: Design, a: Axis) -> None:
+def check_entry(design: Design, a: Axis) -> None:
     """That there is such an entry, and that it is a number."""
     path, index = place(a.entry)
     value = _rows(design).get(path)

@@ -1,0 +1,107 @@
+"""The entries of a problem that a live page has sliders for: the most rewarding ones, each with a range about its value."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.problem.render import rows, shown_path
+from hopopt.studies.sweep.definition import Axis, axis, check_entry, whole_number
+
+COUNT = 10  # sliders, unless entries are named
+LEAST, MOST = 0.5, 2.0  # share of an entry's value that its slider goes down to, and up to
+STEPS = 300  # of a slider's way
+WHOLE = 1.0  # step of whole numbers alone: no other slider has it
+
+
+@dataclass(frozen=True)
+class Slider:
+    """One entry that can be dragged.
+
+    entry: its path in the problem; meaning: in words; unit: of its value
+    value, low, high: where it begins, and its range [unit]
+    step: between two of its places [unit]; whole numbers have 1
+    """
+
+    entry: str
+    meaning: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    step: float
+
+    @property
+    def axis(self) -> Axis:
+        """The same as the axis of a study."""
+        return Axis(self.entry, (), self.low, self.high)
+
+    @property
+    def whole(self) -> bool:
+        """Whether it takes whole numbers only."""
+        return self.step == WHOLE
+
+    def about(self, value: float) -> "Slider":
+        """The same entry where it has another value, which its range holds."""
+        return replace(self, value=value, low=min(self.low, value), high=max(self.high, value))
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the page."""
+        return asdict(self)
+
+    def checked(self, value: Any) -> float:
+        """A value that it may have; UsageError for one that it may not."""
+        number = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else math.nan
+        if not self.low <= number <= self.high:
+            raise UsageError(f"{self.entry}: {value!r:.40} is not a number from {self.low:g} to {self.high:g}")
+        return float(round(number)) if self.whole else number
+
+
+def named(design: Design, asked: Sequence[str]) -> list[Slider]:
+    """Sliders of entries by name, each "leg.gear.ratio" or with its range, "leg.gear.ratio=60:160"; one that is not set
+    begins at the upper end of its range. UsageError in a sentence for what is no such entry."""
+    found = dict[str, Slider]()
+    for text in asked:
+        entry, _, given = (part.strip() for part in text.partition("="))
+        if entry in found:
+            raise UsageError(f"--entry {shown_path(entry)} is given twice")
+        ends = axis(entry, given, sampled=True).range if given else None
+        found[entry] = _slider(design, entry, ends)
+    return list(found.values())
+
+
+def most_rewarding(design: Design, per_unit: Mapping[str, float]) -> list[Slider]:
+    """Sliders of the entries of which a change by the same share changes the objective most; ``per_unit``: its derivatives."""
+    values = {row.path: row.value for row in rows(design)}
+    weights = {
+        entry: abs(slope * values[entry]) for entry, slope in per_unit.items() if isinstance(values.get(entry), float)
+    }
+    ranked = sorted((entry for entry, weight in weights.items() if weight > 0), key=lambda entry: -weights[entry])
+    return [_slider(design, entry, None) for entry in ranked[:COUNT]]
+
+
+def _slider(design: Design, entry: str, ends: tuple[float, float] | None) -> Slider:
+    row = {row.path: row for row in rows(design)}.get(entry)
+    value = row.value if row else None
+    if ends is None:
+        check_entry(design, Axis(entry, (float(value),) if isinstance(value, (int, float)) else (0.0,)))
+        if not value:
+            what = "is 0" if value == 0 else "is not set"
+            raise UsageError(f"--entry {entry}: it {what}, so give its range, as --entry {entry}=LOWER:UPPER")
+        low, high = sorted((LEAST * float(value), MOST * float(value)))
+    else:
+        low, high = ends
+        check_entry(design, Axis(entry, (low, high)))
+    whole = whole_number(design, entry)
+    begin = min(max(float(value), low), high) if isinstance(value, (int, float)) else high
+    made = Slider(entry, row.meaning if row else "", row.unit if row else "", begin, low, high, WHOLE)
+    return made if whole else replace(made, step=_round_step((high - low) / STEPS))
+
+
+def _round_step(step: float) -> float:
+    """A step of 1, 2 or 5 times a power of ten, no larger; never WHOLE."""
+    power = 10.0 ** math.floor(math.log10(step))
+    found = next(digit * power for digit in (5, 2, 1) if digit * power <= step * (1 + 1e-9))
+    return found if found != WHOLE else 0.5

@@ -1,0 +1,90 @@
+"""Another process that answers questions one after another, and can be stopped in the middle of one."""
+
+import asyncio
+import signal
+from collections.abc import Callable
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from threading import Thread
+from typing import Any
+
+from hopopt.errors import HopoptError, one_line
+from hopopt.extensions import carried
+from hopopt.studies.faults import Fault, guarded
+
+SAID, DONE, FAILED = "said", "done", "failed"
+
+
+class Stopped(Exception):
+    """The process was stopped before it had answered."""
+
+
+class Failed(HopoptError):
+    """It could not answer, for this reason; ``fault``: where hopopt is at fault, with its traceback."""
+
+    def __init__(self, sentence: str, fault: Fault | None = None):
+        self.fault = fault
+        super().__init__(sentence)
+
+
+class Worker:
+    """An object of another process; ``make``, a function of a module, returns it there from a function that tells progress.
+
+    say: is called with each line of progress
+    """
+
+    def __init__(self, make: Callable[[Callable[[str], None]], Any], say: Callable[[str], None] = lambda text: None):
+        here, there = get_context("spawn").Pipe()
+        self._pipe, self._say, self._one_at_a_time = here, say, asyncio.Lock()
+        self._process = get_context("spawn").Process(target=carried(_serve), args=(make, there))
+        self._process.start()
+        there.close()
+
+    async def ask(self, method: str, *given: Any) -> Any:
+        """What a method of the object returns; Failed with its sentence if it raises, Stopped if the process ends."""
+        loop = asyncio.get_running_loop()
+        async with self._one_at_a_time:
+            answer = loop.create_future()
+            Thread(target=self._answer, args=(method, given, loop, answer), daemon=True).start()
+            kind, value = await answer
+        if kind == DONE:
+            return value
+        if kind is None:
+            raise Stopped
+        raise Failed(value.sentence, value) if isinstance(value, Fault) else Failed(value)
+
+    def _answer(
+        self, method: str, given: tuple[Any, ...], loop: asyncio.AbstractEventLoop, answer: asyncio.Future[Any]
+    ) -> None:
+        """Send a question and wait for the answer, in a thread of its own."""
+        found: tuple[str | None, Any] = None, None
+        try:
+            self._pipe.send((method, given))
+            while (found := self._pipe.recv())[0] == SAID:
+                loop.call_soon_threadsafe(self._say, found[1])
+        except (OSError, EOFError, ValueError):
+            found = None, None
+        if not loop.is_closed():
+            loop.call_soon_threadsafe(lambda: answer.done() or answer.set_result(found))
+
+    def stop(self) -> None:
+        """End the process, whatever it is at."""
+        self._process.kill()
+        self._process.join()
+        self._pipe.close()
+
+
+def _serve(make: Callable[[Callable[[str], None]], Any], pipe: Connection) -> None:
+    """Answer until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
+    asked = make(lambda text: pipe.send((SAID, text)))
+    while True:
+        try:
+            method, given = pipe.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            found = guarded(getattr(asked, method), *given)
+            pipe.send((FAILED if isinstance(found, Fault) else DONE, found))
+        except HopoptError as error:
+            pipe.send((FAILED, one_line(error)))

@@ -1,0 +1,57 @@
+"""What the live page says of a design beside what solving it says."""
+
+from pathlib import Path
+
+import pytest
+
+from hopopt import load, solve
+from hopopt.live.bench import IMPOSSIBLE, PRELIMINARY, Bench
+from hopopt.live.desk import Desk
+from hopopt.problem.load import changed
+
+pytestmark = pytest.mark.slow
+ENTRIES = ["leg.gear.ratio", "leg.motor.max_torque", "leg.body.mass"]
+CLOSE = 5e-3  # of the answer of a single solve
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    made = Bench(load("paper"), "clearance", ENTRIES)
+    sliders, found = made.begin(1, 1)
+    assert [s.entry for s in sliders] == ENTRIES
+    assert found.outcome == PRELIMINARY
+    return made
+
+
+def test_after_a_change_the_hop_is_that_of_a_solve(bench: Bench, tmp_path: Path) -> None:
+    """Of the same family within CLOSE; where the search of a solve finds a better one, the page learns it."""
+    values, desk = (
+        {s.entry: s.value for s in bench.sliders} | {"leg.gear.ratio": 80.0},
+        Desk(load("paper"), "clearance", tmp_path),
+    )
+    answer = solve(changed(load("paper"), values))
+    bench.learn(values, *desk.search(values))
+    found = bench.at(values)
+    verified = desk.verify(values, found)
+    assert verified.verified
+    assert verified.value == pytest.approx(answer.clearance, rel=1e-5)
+    assert found.value == pytest.approx(answer.clearance, rel=CLOSE)
+    assert found.error is not None
+    assert found.value is not None
+    assert abs(found.value - answer.clearance) < max(found.error, 1e-3)
+
+
+def test_a_design_that_cannot_be_is_told(bench: Bench) -> None:
+    low = Bench(load("paper"), "clearance", ["leg.shank.length"])
+    low.begin(1, 1)
+    found = low.at({"leg.shank.length": 0.7})
+    assert found.outcome == IMPOSSIBLE
+    assert "start.hip_height" in found.sentence
+
+
+def test_another_motor_brings_its_numbers(bench: Bench) -> None:
+    """The hop with a motor of the catalogue is that of the problem with it, and the problem's own comes back."""
+    own = {s.entry: s.value for s in bench.sliders}
+    taken = {s.entry: s.value for s in bench.choose({"leg.motor": "maxon-ec45-250"})}
+    assert taken["leg.motor.max_torque"] == load("paper", ["leg.motor=maxon-ec45-250"]).leg.motor.max_torque
+    assert {s.entry: s.value for s in bench.choose({})} == own

@@ -1,0 +1,49 @@
+"""Which entries can be dragged, and how far."""
+
+import pytest
+
+from hopopt import load
+from hopopt.errors import UsageError
+from hopopt.live.sliders import COUNT, most_rewarding, named
+
+
+def test_a_range_goes_from_half_to_twice_the_value_or_as_it_is_given() -> None:
+    ratio, angle, friction, intervals = named(
+        load("paper"), ["leg.gear.ratio", "leg.knee.lower", "contact.friction=0.3:0.9", "solver.stance_intervals=20:60"]
+    )
+    assert (ratio.low, ratio.value, ratio.high) == (50.0, 100.0, 200.0)
+    assert (angle.low, angle.high) == (-4.8, -1.2)
+    assert friction.value == friction.high == 0.9  # it is not set, so it begins where it limits least
+    assert intervals.whole
+    assert intervals.checked(20.4) == 20
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (["leg.gear.rato"], "did you mean"),
+        (["leg.gear.ratio", "leg.gear.ratio=1:2"], "given twice"),
+        (["contact.friction"], "give its range"),
+        (["start.foot_x"], "it is 0, so give its range"),
+        (["leg.gear.ratio=2:1"], "the lower first"),
+        (["title"], "cannot be varied"),
+        (["leg.gear.ratio=a:b"], "not a number"),
+    ],
+)
+def test_what_can_have_no_slider_is_told(asked: list[str], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        named(load("paper"), asked)
+
+
+@pytest.mark.parametrize("value", [float("nan"), 1e9, "80", True, None])
+def test_a_value_outside_its_range_is_refused(value: object) -> None:
+    with pytest.raises(UsageError, match=r"leg\.gear\.ratio"):
+        named(load("paper"), ["leg.gear.ratio"])[0].checked(value)
+
+
+def test_the_most_rewarding_come_first() -> None:
+    found = most_rewarding(
+        load("paper"), {"leg.gear.ratio": 1e-3, "leg.body.mass": -1.0, "start.foot_x": 9.0, "leg.thigh.mass": 0.0}
+    )
+    assert [s.entry for s in found] == ["leg.body.mass", "leg.gear.ratio"]
+    assert len(found) <= COUNT
