@@ -46,6 +46,7 @@ def served(ask: Callable[[Server], Awaitable[Any]]) -> Any:
             return await ask(server)
         finally:
             task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
 
     return asyncio.run(main())
 
@@ -53,8 +54,11 @@ def served(ask: Callable[[Server], Awaitable[Any]]) -> Any:
 def status(server: Server, path: str, **headers: str) -> Awaitable[int]:
     async def got() -> int:
         url = f"http://{HOST}:{server.address.split(':')[2].split('/')[0]}{path}"
-        client = httpclient.AsyncHTTPClient()
-        return (await client.fetch(url, raise_error=False, headers=headers)).code
+        client = httpclient.AsyncHTTPClient(force_instance=True)
+        try:
+            return (await client.fetch(url, raise_error=False, headers=headers)).code
+        finally:
+            client.close()
 
     return got()
 
@@ -98,6 +102,8 @@ def test_what_a_page_asks_is_done_or_refused_in_a_sentence() -> None:
         for message in ('{"set": {"a": 1.0}}', '{"set": {"no": 1}}', '{"rm": "/"}', "[]", "{", '{"set": 3}', "1e999"):
             await page.write_message(message)
             heard.append(json.loads(await page.read_message()))
+        page.close()
+        await asyncio.sleep(0.05)
         return heard
 
     first, done, no_slider, strange, *rest = served(ask)
