@@ -31,7 +31,7 @@ def main() -> None:
     design, rng = load(asked.problem), random.Random(asked.seed)
     bench = Bench(design, "clearance", asked.entry)
     began = time.process_time()
-    sliders, _ = bench.begin(None, 1)
+    sliders, _ = bench.begin(1)
     print(f"{asked.problem}: begun in {time.process_time() - began:.1f} s of processor time")
     own, walls, cpus, hops = (
         {s.entry: s.value for s in sliders},

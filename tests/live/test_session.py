@@ -42,7 +42,7 @@ class Workers:
     def stop(self) -> None:
         self.stopped.set()
 
-    def begin(self, starts: int | None, processes: int | None) -> Any:
+    def begin(self, processes: int | None) -> Any:
         sliders = named(load("paper"), ENTRIES)
         return sliders, self.at({s.entry: s.value for s in sliders})
 

@@ -97,14 +97,16 @@ class Bench:
         self._own_sliders = self.sliders
         self._known, self._words, self._family = list[_Known](), dict[int, str](), None
 
-    def begin(self, starts: int | None, processes: int | None) -> tuple[list[Slider], Found]:
-        """The sliders, and the hop of the problem as it is; NotSolvedError if none is found."""
-        hop = Hop(self.design, self._objective)
-        count, until = starts or self.design.solver.starts, NEVER.within(SEARCHING * TIME_LIMIT)
-        besides = from_highest(hop, count, self._say, until=until)
-        outcomes = search_first_mesh(hop, count, processes, self._say, besides, until).outcomes
-        found = distinct(outcomes)
-        if not found:
+    def begin(self, processes: int | None) -> tuple[list[Slider], Found]:
+        """The sliders, and the hop of the problem as it is, from the first start that leads to one; NotSolvedError if none
+        does."""
+        hop, until = Hop(self.design, self._objective), NEVER.within(SEARCHING * TIME_LIMIT)
+        for count in (1, max(2, self.design.solver.starts)):  # the first leads to one of most legs, in seconds
+            besides = from_highest(hop, count, self._say, until=until)
+            outcomes = search_first_mesh(hop, count, processes, self._say, besides, until).outcomes
+            if found := distinct(outcomes):
+                break
+        else:
             raise not_solved(hop, outcomes, thorough=True, until=until)
         carried, words = families_of(hop, found, np.zeros(0))
         self._words = dict(enumerate(words, 1))
@@ -131,24 +133,30 @@ class Bench:
         return self._solved(self._definition(), values)[0].objective_value
 
     def learn(self, values: Mapping[str, float], families: Mapping[int, Carried], words: Sequence[str]) -> bool:
-        """Take what a search found at a design, the best first; whether that is better than what was known there."""
-        place, near = self._place(values), self._nearest(values)
-        best = next(iter(families.values()))
-        now = self._solved(self._definition(), values)[0].objective_value
-        known = near if np.array_equal(near.place, place) else self._known[-1]
-        point, found = solved_with(
-            self._definition(), MapPoint(0, dict(values), NOT_SOLVED), place, {0: replace(best, at=place)}, None
-        )
-        if not point.solved or (now is not None and not self._gains(point.objective_value or 0.0, now)):
+        """Take the kinds of hop that a search found at a design, the best first; whether that is better than what was known
+        there."""
+        place, definition, sign = self._place(values), self._definition(), find(self._objective).sign
+        now = self._solved(definition, values)[0].objective_value
+        here = next((known for known in self._known if np.array_equal(known.place, place)), None)
+        first = {0: replace(families[1], at=place)}
+        point, found = solved_with(definition, MapPoint(0, dict(values), NOT_SOLVED), place, first, None)
+        if point.objective_value is None:
             return False
-        new = max(self._words, default=0) + 1
-        self._words[new] = words[0]
-        self._remember(_Known(place, {**known.families, new: found[0]}, new, values))
-        return True
-
-    def _gains(self, value: float, than: float) -> bool:
-        """Whether a value is another hop's, and better."""
-        return find(self._objective).sign * (value - than) > SAME_OPTIMUM * abs(than)
+        top, size = sign * point.objective_value, abs(point.objective_value)
+        best = -np.inf if now is None else sign * now
+        seen = [] if here is None or now is None else [best - c.gap * abs(now) for c in here.families.values()]
+        offered = {1: found[0], **{k: replace(c, at=place) for k, c in families.items() if k > 1}}
+        last = max(self._words, default=0)
+        new = {
+            last + k: c
+            for k, c in offered.items()
+            if all(abs(top - families[k].gap * size - value) > SAME_OPTIMUM * size for value in seen)
+        }
+        self._words |= {k: words[k - last - 1] for k in new}
+        better = bool(top - best > SAME_OPTIMUM * size)
+        leads = last + 1 if better else here.best if here else 0
+        self._remember(_Known(place, {**(here.families if here else {}), **new}, leads, values))
+        return better
 
     def choose(self, choices: Mapping[str, str]) -> list[Slider]:
         """Take parts of the catalogue, by their places in the problem (none: as the problem has them); the sliders, which

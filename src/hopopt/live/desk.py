@@ -55,8 +55,12 @@ class Verified:
 class Desk:
     """Where one design after another is looked at closely; results and files go to a folder."""
 
-    def __init__(self, design: Design, objective: str, folder: Path, say: Callable[[str], None] = lambda text: None):
+    def __init__(
+        self, design: Design, objective: str, folder: Path, starts: int | None = None,
+        say: Callable[[str], None] = lambda text: None,
+    ):  # fmt: skip
         self._design, self._objective, self._folder, self._say = design, objective, folder, say
+        self._starts = starts or design.solver.starts
 
     def verify(self, entries: Mapping[str, Any], found: Found) -> Verified:
         """The hop of a design, refined from the first mesh's and verified."""
@@ -77,9 +81,8 @@ class Desk:
     def search(self, entries: Mapping[str, Any]) -> tuple[dict[int, Carried], tuple[str, ...]]:
         """The kinds of hop that the search of a single solve finds of a design, the best first, and what they do."""
         hop, until = Hop(changed(self._design, entries), self._objective), NEVER.within(TIME_LIMIT)
-        count = hop.design.solver.starts
-        besides = from_highest(hop, count, self._say, until=until)
-        found = distinct(search_first_mesh(hop, count, 1, self._say, besides, until).outcomes)
+        besides = from_highest(hop, self._starts, self._say, until=until)
+        found = distinct(search_first_mesh(hop, self._starts, 1, self._say, besides, until).outcomes)
         return families_of(hop, found, np.zeros(0)) if found else ({}, ())
 
     def pd(self, folder: str) -> float | None:

@@ -60,6 +60,7 @@ class Tried:
 class Session:
     """An exploration of a problem.
 
+    starts: of the search for other kinds of hop (None: the problem's)
     tell: is called with the state whenever it has changed, and with {"busy": text} on the way
     folder: where results and files are written
     """
@@ -69,9 +70,9 @@ class Session:
         processes: int | None = None, tell: Callable[[dict[str, Any]], None] = lambda state: None,
     ):  # fmt: skip
         self._design, self._goal, self._tell, self._folder = design, find(objective), tell, folder
-        self._starts, self._processes = starts, processes
+        self._processes = processes
         self._make_bench = partial(_bench, design, objective, tuple(asked))
-        self._make_desk = partial(_desk, design, objective, folder)
+        self._make_desk = partial(_desk, design, objective, folder, starts)
         self.sliders: list[Slider] = []
         self.asked, self._number, self._solved = Asked({}, {}), 0, -1
         self.found: Found | None = None  # of what was solved last
@@ -196,7 +197,7 @@ class Session:
         self._bench = bench = Worker(self._make_bench, self._progress)
         try:
             try:
-                self.sliders, found = await bench.ask("begin", self._starts, self._processes)
+                self.sliders, found = await bench.ask("begin", self._processes)
             except Failed as error:
                 raise Failed(self._kept(error)) from None
             self.asked = Asked({s.entry: s.value for s in self.sliders}, {})
@@ -380,8 +381,8 @@ def _bench(design: Design, objective: str, asked: Sequence[str], say: Callable[[
     return Bench(design, objective, asked, say=say)
 
 
-def _desk(design: Design, objective: str, folder: Path, say: Callable[[str], None]) -> Desk:
-    return Desk(design, objective, folder, say)
+def _desk(design: Design, objective: str, folder: Path, starts: int | None, say: Callable[[str], None]) -> Desk:
+    return Desk(design, objective, folder, starts, say)
 
 
 def _told(found: Found) -> dict[str, Any]:

@@ -53,7 +53,7 @@ def explore(
     entries: those with a slider, each "leg.gear.ratio" or with its range, "leg.gear.ratio=60:160" (none: the ten that
         change the objective most)
     objective: the name of one
-    starts: how many starting points the first search has (None: the problem's solver.starts)
+    starts: how many starting points the search for other kinds of hop has (None: the problem's solver.starts)
     processes: how many are solved side by side (None: the cores)
     port: the page's, on this computer alone (0: any that is free)
     results: the folder for verified hops, reports and problem files
