@@ -34,6 +34,7 @@ LONGEST = 1800  # s
 def processor_time(words: str, tree: Path, folder: Path) -> float:
     """User and system time [s] of a Python command with the sources of ``tree``, in a folder of its own."""
     own = {"PYTHONPATH": str(tree / "src"), "OMP_NUM_THREADS": "1", "HOPOPT_CACHE": str(folder / "cache")}
+    own["PYTHONDONTWRITEBYTECODE"] = ""  # else each command compiles all sources again
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(
         f"'{sys.executable}' {words}", shell=True, cwd=folder, env={**os.environ, **own}, capture_output=True,

@@ -80,6 +80,7 @@ LATE = {  # where hopopt is imported inside functions: what it costs (python -X 
     "cli/answer/solve.py": "what is drawn, simulated or reported when the answer is there, and co-design: 1 s together",
     "cli/main.py": "the words of an OSError, and modules of a user's own, need numpy and pydantic (0.3 s); hopopt --help needs neither",
     "comparison/compare.py": "tuning needs joblib (0.07 s)",
+    "compiled/kernel.py": "the compiler, numba, takes 0.3 s, and most commands compile nothing",
     "global_search/search.py": "the compiler of its loops takes 0.2 s",
 }
 MOST = 9  # files that lie in hopopt itself; and modules in a package
@@ -89,7 +90,7 @@ ONLY = {  # libraries with one home
     "h5netcdf": ("storage/netcdf.py",),
     "h5py": ("storage/netcdf.py",),
 }
-SLOW = ("matplotlib", "pandas", "xarray", "scipy.stats", "dask", "joblib")  # to import, and seldom needed
+SLOW = ("matplotlib", "pandas", "xarray", "scipy.stats", "dask", "joblib", "numba")  # to import, and seldom needed
 UNSAFE_MODULES = ("pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve")
 UNSAFE_CALLS = ("eval", "exec", "compile", "__import__")
 

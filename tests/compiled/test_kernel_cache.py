@@ -28,7 +28,7 @@ def function(tmp_path: Path) -> Callable[[float], float]:
 def loaded(made: Any) -> bool:
     """Whether its machine code for 3.0 came from disk; that the answer is right."""
     assert made(3.0) == 7.0
-    return bool(made.stats.cache_hits)
+    return bool(made.compiled.stats.cache_hits)
 
 
 def damaged(content: bytes) -> list[bytes]:
@@ -57,7 +57,7 @@ def test_a_file_of_another_function_is_not_taken_for_it(function: Callable[..., 
     next(tmp_path.rglob("*.2.nbc")).write_bytes(first)
     again = kernel(function)
     assert again(3) == 7
-    assert not again.stats.cache_hits
+    assert not again.compiled.stats.cache_hits
 
 
 def test_a_full_disk_is_no_reason_to_fail(function: Callable[..., float], monkeypatch: pytest.MonkeyPatch) -> None:

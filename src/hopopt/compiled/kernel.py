@@ -2,25 +2,54 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import cached_property
 from typing import Any
 
-import numba
 import numpy as np
 
-from hopopt.compiled.kernel_cache import CheckedCache
+
+class Kernel:
+    """A function that is compiled at its first call; it does not hold the interpreter's lock, so that threads run side by side.
+
+    numba is loaded then and not before: it takes a fifth of a command's imports, and most commands compile nothing.
+    """
+
+    def __init__(self, function: Callable[..., Any]):
+        self.function = function
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the function gives."""
+        return self.compiled(*arguments)
+
+    @cached_property
+    def compiled(self) -> Any:
+        """numba's own object."""
+        import numba
+
+        from hopopt.compiled.kernel_cache import CheckedCache
+
+        made: Any = numba.njit(nogil=True, error_model="numpy")(self.function)
+        with suppress(RuntimeError):  # neither the package's folder nor the user's cache can be written
+            made._cache = CheckedCache(self.function)
+        return made
+
+    @property
+    def _numba_type_(self) -> Any:
+        """numba asks for this where a compiled function calls another."""
+        import numba
+
+        return numba.typeof(self.compiled)
+
+    @property
+    def kept(self) -> bool:
+        """Whether it is compiled already, here or on disk."""
+        cache = self.compiled._cache
+        return bool(self.compiled.signatures) or (hasattr(cache, "holds_any") and cache.holds_any())
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """``function`` compiled at its first call; it does not hold the interpreter's lock, so that threads run side by side."""
-    made: Any = numba.njit(nogil=True, error_model="numpy")(function)
-    with suppress(RuntimeError):  # neither the package's folder nor the user's cache can be written
-        made._cache = CheckedCache(function)
-    return made
-
-
-def kept(function: Any) -> bool:
-    """Whether a kernel is compiled already, here or on disk."""
-    return bool(function.signatures) or (isinstance(function._cache, CheckedCache) and function._cache.holds_any())
+    """``function`` as a kernel."""
+    return Kernel(function)
 
 
 def packed(values: Any) -> Any:

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hopopt.compiled.kernel import kept, kernel, packed
+from hopopt.compiled.kernel import kernel, packed
 from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.equations.accelerations import VERTICES
 from hopopt.global_search.equations.dynamics import apex_height
@@ -130,7 +130,7 @@ def _apexes(c, grid, axes, active, out):
 
 def is_compiled() -> bool:
     """Whether the loops need not be compiled first."""
-    return kept(_improve)
+    return _improve.kept
 
 
 def states_within_limits(c: StanceConstants, grid: Grid) -> np.ndarray:
