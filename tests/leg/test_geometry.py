@@ -288,10 +288,9 @@ def errs(design: Design, count: int) -> None:
     low, high = np.transpose(limits)
     angles = np.random.default_rng(7).uniform(low, high, (count, len(limits)))
     for link in found.links:
-        k = design.leg.links.index(link.link)
-        pairs = [pair for pair in true.pairs if true.solids[pair[1]].joint == k]
+        pairs = true.between(link.joint, link.other)
         least = found.level * np.tanh(true.all(angles, pairs).min(axis=1) / found.level)
-        smooth = np.array(link.function(angles[:, : k + 1].T)).ravel()
+        smooth = np.array(link.function(angles[:, link.angles].T)).ravel()
         off, near = np.abs(smooth - least), (smooth >= 0) & (smooth < NEAR * found.reach)
         assert off[near].max(initial=0.0) <= link.error
         assert near.sum() > 0.001 * count or not near.any()

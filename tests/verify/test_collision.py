@@ -11,7 +11,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.verify.check import failed
-from hopopt.verify.hops.collision import collision
+from hopopt.verify.hops.collision import collision, collision_checks
 from hopopt.verify.plan import verify_plan
 from once import solved_once
 
@@ -63,6 +63,26 @@ def test_the_least_distance_is_that_of_a_ball_from_the_shank(plan: Solution, bes
     assert not failed(verify_plan(asked, plan.tables, plan.claims()))
     words = "passes ball at" if true.min() > 0 else "passes ball inside it by"
     assert f"nearest: shank {words} {1000 * abs(true.min()):.1f} mm" in nearest_lines(found)[0]
+
+
+def test_a_link_that_keeps_less_than_the_margin_fails_by_what_is_missing(plan: Solution, tmp_path: Path) -> None:
+    """The ball is passed nearer than the margin; one that touches the thigh around its joint changes nothing."""
+    t, knee, foot = swing(plan)
+    middle = int(np.searchsorted(t, 0.5 * (plan.lift_off + plan.end)))
+    way = (foot[middle] - knee[middle]) / np.linalg.norm(foot[middle] - knee[middle])
+    place = foot[middle] + way * 0.05
+    true = apart(place, knee, foot) - BALL - SHANK
+    design = with_ball(tmp_path, place, f"collision_margin = {true.min() + 0.002}")
+    (check,) = collision_checks(design, plan.tables)
+    assert not check.passed
+    assert check.residual == pytest.approx(0.002, abs=1e-5)
+    beside = "[leg.thigh]\nradius = 0.02\n[leg.body.shapes.by]\npoints = [[0.0, 0.0, 0.0]]\nradius = 0.02\nat = [0.0, 0.0, 0.021]\n"
+    (tmp_path / "ball.toml").write_text((tmp_path / "ball.toml").read_text() + beside)
+    near = collision(load(tmp_path / "ball.toml"), plan.tables)
+    assert near is not None
+    assert near.between == ("shank", "ball")
+    (again,) = collision_checks(load(tmp_path / "ball.toml"), plan.tables)
+    assert again.residual == pytest.approx(check.residual, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -56,7 +56,8 @@ def nearest_lines(c: Collision | None) -> list[str]:
     if c.least_distance_m < 0:
         gap = f"inside it by {-1000 * c.least_distance_m:.1f} mm"
     if c.margin_m is not None and c.error_m is not None and c.margin_m > 0:
-        gap += f" ({1000 * c.margin_m:.1f} mm are kept, by a distance that errs by less than {1000 * c.error_m:.2g} mm)"
+        most = f": up to {1000 * (c.margin_m + 2 * c.error_m):.2g} mm may be" if c.error_m > c.margin_m else ""
+        gap += f" ({1000 * c.margin_m:.1f} mm are kept, by a distance that errs by less than {1000 * c.error_m:.2g} mm{most})"
     beside = f" (not counted, as they touch at their joint: {', '.join(c.left_out)})" if c.left_out else ""
     return [f"nearest: {one} passes {other} {gap}, at {c.time_s:.3f} s{beside}"]
 

@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hopopt.design import Leg
+from hopopt.design import Design, Leg
 from hopopt.leg.geometry.hulls import rounded
 from hopopt.leg.geometry.solids import BODY, Solid, colliding
+from hopopt.leg.kinematics import joint_positions, start_angles
 from hopopt.leg.robot import BASE, build_robot
+
+KEPT = 4  # legs of this process
 
 
 class Distances:
@@ -30,12 +33,16 @@ class Distances:
             self._model.addGeometryObject(_geometry(solid))
         order = range(len(self.solids))
         self.pairs = [(i, j) for i, j in combinations(order, 2) if self.solids[i].joint != self.solids[j].joint]
-        self.left_out: list[tuple[int, int]] = []
-        at_start = self.all(start[None])[0]
-        for pair, distance in zip(self.pairs, at_start, strict=True):
-            if distance <= 0 and abs(self.solids[pair[0]].joint - self.solids[pair[1]].joint) == 1:
-                self.left_out.append(pair)
-        self.pairs = [pair for pair in self.pairs if pair not in self.left_out]
+        touches = [
+            distance <= 0 and abs(self.solids[i].joint - self.solids[j].joint) == 1
+            for (i, j), distance in zip(self.pairs, self.all(start[None])[0], strict=True)
+        ]
+        self.left_out = [pair for pair, left in zip(self.pairs, touches, strict=True) if left]
+        self.pairs = [pair for pair, left in zip(self.pairs, touches, strict=True) if not left]
+
+    def between(self, joint: int, other: int) -> list[tuple[int, int]]:
+        """The pairs of what a joint moves with what the ``other`` moves, nearer to the body, or BODY."""
+        return [(i, j) for i, j in self.pairs if (self.solids[i].joint, self.solids[j].joint) == (other, joint)]
 
     def names(self, pair: tuple[int, int]) -> tuple[str, str]:
         """What the two solids of a pair are called, that nearer to the foot first."""
@@ -45,18 +52,39 @@ class Distances:
     def all(self, q_j: np.ndarray, pairs: Sequence[tuple[int, int]] | None = None) -> np.ndarray:
         """Signed distances (m, pairs) [m] at joint angles q_j (m, n) [rad], of all pairs or of these."""
         pairs = self.pairs if pairs is None else pairs
-        model, data = self._robot.model, self._robot.model.createData()
-        self._model.removeAllCollisionPairs()
+        model, data, solids = self._robot.model, self._robot.model.createData(), self._model.copy()
         for pair in pairs:
-            self._model.addCollisionPair(pin.CollisionPair(*pair))
-        geometry = pin.GeometryData(self._model)
+            solids.addCollisionPair(pin.CollisionPair(*pair))
+        geometry = pin.GeometryData(solids)
         found = np.empty((len(q_j), len(pairs)))
         place = np.zeros(model.nq)
         for row, q in zip(found, q_j, strict=True):
             place[BASE:] = q
-            pin.computeDistances(model, data, self._model, geometry, place)
+            pin.computeDistances(model, data, solids, geometry, place)
             row[:] = [result.min_distance for result in geometry.distanceResults]
         return found
+
+
+_made: dict[str, Distances] = {}
+
+
+def distances_of(design: Design) -> Distances:
+    """Of a problem's leg, whose hop starts where it says; made once in a process."""
+    start = start_angles(design)
+    key = key_of(design.leg, start)
+    if key not in _made:
+        while len(_made) >= KEPT:
+            del _made[next(iter(_made))]
+        _made[key] = Distances(design.leg, start)
+    return _made[key]
+
+
+def key_of(leg: Leg, start: np.ndarray) -> str:
+    """All that the distances of a leg depend on, and where its hop starts (n) [rad]."""
+    joints = [(joint.axis, joint.lower, joint.upper) for joint in leg.joint.values()]
+    ends = joint_positions(leg, np.zeros(len(leg.joints)))
+    shapes = [(s.name, s.joint, s.radius, s.points.tobytes()) for s in colliding(leg)]
+    return repr((joints, ends.tobytes(), start.tobytes(), shapes))
 
 
 def _geometry(solid: Solid) -> Any:

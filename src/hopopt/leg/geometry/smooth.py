@@ -1,8 +1,8 @@
 """Distances of a leg's links as smooth functions of the joint angles, which a program can keep above a margin.
 
-How far a link is from all that does not move with it depends on the joint angles alone. coal computes that on a grid once,
-and a spline of third degree runs through it. Far away it levels off, so that only what is near is told precisely. By how
-much it errs there is measured on angles drawn at random.
+How far a link is from the body, or from another link, depends on the angles of the joints between them alone. coal computes
+that on a grid once, and a spline of third degree runs through it. Far away it levels off, so that only what is near is told
+precisely. By how much it errs there is measured on angles drawn at random.
 """
 
 from collections.abc import Sequence
@@ -15,14 +15,14 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from hopopt.design import Design, Leg
-from hopopt.leg.geometry.distance import Distances
-from hopopt.leg.geometry.solids import MOST_JOINTS, NEAR, colliding, has_shape
-from hopopt.leg.kinematics import joint_positions, reach, spread, start_angles
+from hopopt.leg.geometry.distance import KEPT, Distances, distances_of, key_of
+from hopopt.leg.geometry.solids import BODY, MOST_JOINTS, NEAR, has_shape
+from hopopt.leg.kinematics import reach, spread, start_angles
 
 MARGIN = 0.005  # of the leg's reach: what is kept between solids
 LEVEL = 0.12  # of the reach: distances level off towards it
 COARSE = 9  # angles of each joint at which pairs are looked at that may never come near
-STEPS = {1: 0.01, 2: 0.025, 3: 0.07}  # of the reach, by joints above a link: how far its end moves between grid angles
+STEPS = {1: 0.01, 2: 0.025, 3: 0.07}  # of the reach, by joints between: how far a link's end moves between grid angles
 MOST = {1: 161, 2: 121, 3: 41}  # angles of each joint on the grid
 DRAWN, MEASURED = (
     65_536,
@@ -31,28 +31,41 @@ DRAWN, MEASURED = (
 SAFETY = 1.5  # how many times the largest error is stated
 DEGREE = 3
 BEYOND = 0.1  # rad: by how much the grid goes beyond the joints' limits, where a spline would be zero
-KEPT = 4  # tables of this process
+FROM_START = 1e-6  # of the leg's reach: what the start pose has left
 
 
 @dataclass(frozen=True)
 class LinkClearance:
-    """How far a link is from what it moves against.
+    """How far a link is from the body, or from a link above it.
 
     link: its name
-    function: of the angles (k + 1) [rad] of the joints down to its own: the levelled distance [m]
+    joint: number of the joint that moves it
+    other: that of the joint that moves what it passes, or BODY
+    function: of the angles [rad] of the joints between, those after ``other`` down to ``joint``: the levelled distance [m]
     error: by how much it errs where it is from 0 to NEAR, a multiple of the largest error found [m]
     """
 
     link: str
+    joint: int
+    other: int
     function: ca.Function
     error: float
+
+    @property
+    def angles(self) -> slice:
+        """Which of the joints' angles the function takes."""
+        return slice(self.other + 1, self.joint + 1)
+
+    def at(self, q_j: np.ndarray) -> float:
+        """The levelled distance [m] at joint angles q_j (n) [rad]."""
+        return float(np.array(self.function(q_j[self.angles])).item())
 
 
 @dataclass(frozen=True)
 class Clearances:
     """All links of a leg that may come near something.
 
-    links: one entry each
+    links: one entry for each, and for each that it passes
     level: what distances level off towards [m]
     reach: of the leg [m]
     """
@@ -64,6 +77,10 @@ class Clearances:
     def levelled(self, distance: float) -> float:
         """A distance [m] as the functions have it."""
         return float(self.level * np.tanh(distance / self.level))
+
+    def true(self, levelled: float) -> float:
+        """What ``levelled`` makes of it [m]."""
+        return float(self.level * np.arctanh(levelled / self.level))
 
     @property
     def error(self) -> float:
@@ -79,21 +96,12 @@ def clearances(design: Design) -> Clearances | None:
     leg = design.leg
     if not has_shape(leg) or design.hop.may_collide or len(leg.joints) > MOST_JOINTS:
         return None
-    start = start_angles(design)
-    key = _key(leg, start)
+    key = key_of(leg, start_angles(design))
     if key not in _kept:
         while len(_kept) >= KEPT:
             del _kept[next(iter(_kept))]
-        _kept[key] = _clearances(leg, Distances(leg, start))
+        _kept[key] = _clearances(leg, distances_of(design))
     return _kept[key]
-
-
-def _key(leg: Leg, start: np.ndarray) -> str:
-    """All that the distances of a leg depend on, and where its hop starts (n) [rad]."""
-    joints = [(joint.axis, joint.lower, joint.upper) for joint in leg.joint.values()]
-    ends = joint_positions(leg, np.zeros(len(leg.joints)))
-    shapes = [(s.name, s.joint, s.radius, s.points.tobytes()) for s in colliding(leg)]
-    return repr((joints, ends.tobytes(), start.tobytes(), shapes))
 
 
 def margin_of(design: Design) -> float:
@@ -102,29 +110,33 @@ def margin_of(design: Design) -> float:
     return MARGIN * reach(design.leg) if given is None else given
 
 
-def kept(design: Design, links: Clearances, found: Distances) -> float:
-    """What a plan keeps [m]: the margin, or less where the hop starts nearer, by as much as smooth distances may err."""
-    start, margin, least = start_angles(design)[None], margin_of(design), [margin_of(design)]
-    for link in links.links:
-        k = design.leg.links.index(link.link)
-        at_start = float(found.all(start, [pair for pair in found.pairs if found.solids[pair[1]].joint == k]).min())
-        least += [max(at_start - 2 * link.error, 0.0)] if at_start < margin + 2 * link.error else []
-    return min(least)
+def least(design: Design, found: Clearances) -> list[float]:
+    """What a planner keeps each link's smooth distance above [m]: the margin, and as much as it may err; where the hop starts
+    nearer, no nearer than there."""
+    start, margin = start_angles(design), margin_of(design)
+    return [min(found.levelled(margin + x.error), x.at(start) - FROM_START * found.reach) for x in found.links]
+
+
+def kept(design: Design, found: Clearances) -> list[float]:
+    """What that promises of each link's true distance [m]; at least that it meets nothing."""
+    each = zip(found.links, least(design, found), strict=True)
+    return [min(max(found.true(smooth) - link.error, 0.0), margin_of(design)) for link, smooth in each]
 
 
 def _clearances(leg: Leg, found: Distances) -> Clearances:
     size = reach(leg)
     levelled, links = Clearances((), LEVEL * size, size), []
     for k, link in enumerate(leg.links):
-        pairs = _near_pairs(leg, found, k, 3 * levelled.level)
-        near = _of_link(leg, found, k, link, pairs, levelled) if pairs else None
-        links += [near] if near else []
+        for other in range(BODY, k):
+            pairs = _near_pairs(leg, found, other, k, 3 * levelled.level)
+            near = _of_link(leg, found, other, k, link, pairs, levelled) if pairs else None
+            links += [near] if near else []
     return Clearances(tuple(links), levelled.level, size)
 
 
-def _limits(leg: Leg, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper angles [rad] of the first joints."""
-    joints = [leg.joint[name] for name in leg.joints[:count]]
+def _limits(leg: Leg) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper angles [rad] of the joints."""
+    joints = [leg.joint[name] for name in leg.joints]
     return np.array([j.lower for j in joints]), np.array([j.upper for j in joints])
 
 
@@ -141,11 +153,12 @@ def _levers(leg: Leg, found: Distances) -> np.ndarray:
     return np.array([max(row) for row in ends])
 
 
-def _whole(leg: Leg, angles: np.ndarray) -> np.ndarray:
-    """Poses (m, n) [rad] with these angles (m, k) of the first joints, the others in their middle."""
-    low, high = _limits(leg, len(leg.joints))
-    rest = np.broadcast_to(0.5 * (low + high)[angles.shape[1] :], (len(angles), len(low) - angles.shape[1]))
-    return np.hstack([angles, rest])
+def _whole(leg: Leg, angles: np.ndarray, first: int) -> np.ndarray:
+    """Poses (m, n) [rad] with these angles (m, k) of the joints from ``first`` on, the others in their middle."""
+    low, high = _limits(leg)
+    poses = np.tile(0.5 * (low + high), (len(angles), 1))
+    poses[:, first : first + angles.shape[1]] = angles
+    return poses
 
 
 def _grid(axes: Sequence[np.ndarray]) -> np.ndarray:
@@ -153,42 +166,44 @@ def _grid(axes: Sequence[np.ndarray]) -> np.ndarray:
     return np.array(list(product(*axes)))
 
 
-def _near_pairs(leg: Leg, found: Distances, k: int, far: float) -> list[tuple[int, int]]:
-    """The pairs of link ``k`` that can come nearer than ``far`` [m]: no distance changes faster than the levers allow."""
-    pairs = [pair for pair in found.pairs if found.solids[pair[1]].joint == k]
-    low, high = _limits(leg, k + 1)
+def _near_pairs(leg: Leg, found: Distances, other: int, k: int, far: float) -> list[tuple[int, int]]:
+    """The pairs of link ``k`` with what joint ``other`` moves that can come nearer than ``far`` [m]: no distance changes faster
+    than the levers allow."""
+    pairs, between = found.between(k, other), slice(other + 1, k + 1)
+    low, high = (limit[between] for limit in _limits(leg))
     axes = [np.linspace(a, b, COARSE) for a, b in zip(low, high, strict=True)]
-    between = float(((high - low) / (COARSE - 1) / 2) @ _levers(leg, found)[: k + 1])
+    moves = float(((high - low) / (COARSE - 1) / 2) @ _levers(leg, found)[between])
     if not pairs:
         return []
-    least = found.all(_whole(leg, _grid(axes)), pairs).min(axis=0)
-    return [pair for pair, distance in zip(pairs, least, strict=True) if distance - between < far]
+    nearest = found.all(_whole(leg, _grid(axes), other + 1), pairs).min(axis=0)
+    return [pair for pair, distance in zip(pairs, nearest, strict=True) if distance - moves < far]
 
 
 def _of_link(
-    leg: Leg, found: Distances, k: int, link: str, pairs: list[tuple[int, int]], levelled: Clearances
+    leg: Leg, found: Distances, other: int, k: int, link: str, pairs: list[tuple[int, int]], levelled: Clearances
 ) -> LinkClearance | None:
     """The spline of a link through the least distance of its pairs; None if these never come near."""
-    low, high = _limits(leg, k + 1)
-    steps = STEPS[k + 1] * levelled.reach / _levers(leg, found)[: k + 1]
+    between, count = slice(other + 1, k + 1), k - other
+    low, high = (limit[between] for limit in _limits(leg))
+    steps = STEPS[count] * levelled.reach / _levers(leg, found)[between]
     counts = [
-        min(MOST[k + 1], max(COARSE, ceil(span / step) + 1)) for span, step in zip(high - low, steps, strict=True)
+        min(MOST[count], max(COARSE, ceil(span / step) + 1)) for span, step in zip(high - low, steps, strict=True)
     ]
     axes = [np.linspace(a - BEYOND, b + BEYOND, count) for a, b, count in zip(low, high, counts, strict=True)]
 
     def level(angles: np.ndarray) -> np.ndarray:
-        least = found.all(_whole(leg, angles), pairs).min(axis=1)
-        return levelled.level * np.tanh(least / levelled.level)
+        nearest = found.all(_whole(leg, angles, other + 1), pairs).min(axis=1)
+        return levelled.level * np.tanh(nearest / levelled.level)
 
     values = level(_grid(axes))
     if values.min() > 2 * NEAR * levelled.reach:
         return None
     function = _spline(link, axes, values.reshape(counts))
-    drawn = low + (high - low) * spread(DRAWN, k + 1)
+    drawn = low + (high - low) * spread(DRAWN, count)
     smooth = np.array(function(drawn.T)).ravel()
     near = np.flatnonzero((smooth >= 0) & (smooth < NEAR * levelled.reach))[:MEASURED]
     wrong = np.abs(level(drawn[near]) - smooth[near]).max(initial=0.0) if len(near) else 0.0
-    return LinkClearance(link, function, SAFETY * float(wrong))
+    return LinkClearance(link, k, other, function, SAFETY * float(wrong))
 
 
 def _spline(name: str, axes: Sequence[np.ndarray], values: np.ndarray) -> ca.Function:

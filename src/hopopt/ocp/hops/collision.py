@@ -7,15 +7,14 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.leg.geometry.distance import Distances
-from hopopt.leg.geometry.smooth import clearances, margin_of
+from hopopt.leg.geometry.distance import distances_of
+from hopopt.leg.geometry.smooth import clearances, least
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.guesses.motion import FLIGHT, MovingLeg
 from hopopt.ocp.problem import Instant, PathConstraint
 
 COLLISION = LimitId(Kind.COLLISION, key="hop.collision_margin", unit="m")
-FROM_START = 1e-6  # of the leg's reach: what the start pose has left
 
 
 def collision(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
@@ -24,26 +23,24 @@ def collision(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     found = clearances(leg.design)
     if found is None or not found.links:
         return ()
-    joints = {name: k + 1 for k, name in enumerate(leg.leg.links)}
-    start, margin = start_angles(leg.design), margin_of(leg.design)
-    at_start = [float(np.array(link.function(start[: joints[link.link]])).item()) for link in found.links]
-    if any(distance < -link.error for distance, link in zip(at_start, found.links, strict=True)):
+    start = start_angles(leg.design)
+    if any(link.at(start) < -link.error for link in found.links):
         raise UsageError(f"{leg.design.name}: {_overlap(leg.design, start)}")
 
     def value(s: Instant) -> ca.SX:
-        return ca.vertcat(*[link.function(s.q[: joints[link.link]]) for link in found.links])
+        return ca.vertcat(*[link.function(s.q[link.angles]) for link in found.links])
 
-    least = [
-        min(found.levelled(margin + link.error), distance - FROM_START * found.reach)
-        for distance, link in zip(at_start, found.links, strict=True)
-    ]
     labels = tuple(link.link for link in found.links)
-    return (PathConstraint(COLLISION, value, least, scale=leg.reach, unit="m", labels=labels, smooth=False),)
+    return (
+        PathConstraint(
+            COLLISION, value, least(leg.design, found), scale=leg.reach, unit="m", labels=labels, smooth=False
+        ),
+    )
 
 
 def _overlap(design: Design, start: np.ndarray) -> str:
     """Which solids enter each other at angles (n) [rad] of the start, and what to do."""
-    solids = Distances(design.leg, start)
+    solids = distances_of(design)
     distances = solids.all(start[None])[0]
     names, depth = solids.names(solids.pairs[int(distances.argmin())]), -float(distances.min())
     return (
