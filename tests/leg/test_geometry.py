@@ -17,7 +17,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.geometry.above import above_ground, height_rows, points_of
 from hopopt.leg.geometry.distance import Distances
 from hopopt.leg.geometry.smooth import clearances, margin_of
-from hopopt.leg.geometry.solids import NEAR, Solid, lowest, outline, placed, solids
+from hopopt.leg.geometry.solids import NEAR, Solid, outline, placed, solids
 from hopopt.leg.kinematics import joint_positions, start_angles, tucked
 from hopopt.leg.robot import build_robot
 from hopopt.ocp.guesses.posture import Posture
@@ -135,6 +135,11 @@ def test_what_touches_at_a_joint_where_the_hop_starts_is_left_out(tmp_path: Path
     assert [{names[i], names[j]} for i, j in found.left_out] == [{"thigh", "calf"}]
     low = Distances(paper_leg(tmp_path, SHAPES.replace("0.02, 0.1]\n[", "0.02, 0.02]\n[")).leg, np.array([0.9, -1.9]))
     assert {"thigh", "trunk"} in [{names[i], names[j]} for i, j in low.left_out]
+
+
+def lowest(leg: Leg, solid: Solid, q: np.ndarray) -> float:
+    """Height [m] of the lowest point of a solid over the first joint, for joint angles q [rad]."""
+    return float(placed(leg, solid, q)[:, 2].min()) - solid.radius
 
 
 def test_lowest_point_and_outline_in_closed_form(tmp_path: Path) -> None:

@@ -156,14 +156,18 @@ def test_drives_come_with_the_urdf_and_give_way_to_the_files(tmp_path: Path) -> 
             "m.toml: leg.knee.motor.max_torque is missing, and leg.urdf states no usable effort",
         ),
         ('velocity="16"', 'velocity="0"', "m.toml: leg.ankle.motor.max_speed is missing"),
-        ('lower="-2.4"', 'lower="-1e9"', "leg.urdf: leg.knee.lower = -1e+09 rad is a placeholder"),
-        ('lower="-2.4"', 'lower="-10"', "leg.urdf: leg.knee.lower = -10 rad is a placeholder"),
+        ('lower="-2.4"', 'lower="-1e9"', "leg.urdf: placeholders, which limit nothing: leg.knee.lower (-1e+09 rad)"),
+        ('lower="-2.4"', 'lower="-10"', "leg.urdf: placeholders, which limit nothing: leg.knee.lower (-10 rad)"),
         (
             'effort="150"',
             'effort="1000"',
-            "leg.urdf: leg.knee.motor.max_torque comes of 1000 (effort, N m), a placeholder",
+            "leg.urdf: placeholders, which limit nothing: leg.knee.motor.max_torque (1000 N m)",
         ),
-        ('velocity="16"', 'velocity="1000"', "leg.urdf: leg.ankle.motor.max_speed comes of 1000 (velocity, rad/s)"),
+        (
+            'velocity="16"',
+            'velocity="1000"',
+            "leg.urdf: placeholders, which limit nothing: leg.ankle.motor.max_speed (1000 rad/s)",
+        ),
         ('lower="0.2"', 'lower="1.8"', "leg.urdf: leg.ankle.lower = 1.8 rad is not below"),
     ],
 )
@@ -182,7 +186,7 @@ def test_placeholders_of_a_urdf_are_named_where_they_stand(
     assert sentence in str(raised.value)
     assert "degrees" not in str(raised.value)
     if sentence.startswith("leg.urdf"):
-        assert "in the problem file to replace it" in str(raised.value)
+        assert "in the problem file" in str(raised.value)
 
 
 def test_what_a_file_says_of_a_motor_leaves_the_rest_to_the_urdf(tmp_path: Path) -> None:

@@ -38,9 +38,19 @@ CATALOGUE = "catalogue entry these values began with; what it leaves open, a joi
 CATALOGUE_NAME = r"^[a-z0-9][a-z0-9-]{0,49}$"
 
 
-def quantity(meaning: str, unit: str, low: float, high: float, default: Any = ..., *, physical: bool = False) -> Any:
-    """Declare a number in ``unit`` between ``low`` and ``high``; ``physical`` makes it a design parameter."""
-    extra = {"unit": unit, "physical": physical}
+def quantity(
+    meaning: str,
+    unit: str,
+    low: float,
+    high: float,
+    default: Any = ...,
+    *,
+    physical: bool = False,
+    listed: bool = True,
+) -> Any:
+    """Declare a number in ``unit`` between ``low`` and ``high``; ``physical`` makes it a design parameter; ``listed``: whether a
+    list of all entries has it where it is not set."""
+    extra = {"unit": unit, "physical": physical, "listed": listed}
     return Field(default, ge=low, le=high, allow_inf_nan=False, description=meaning, json_schema_extra=extra)
 
 
@@ -50,9 +60,12 @@ def named(meaning: str, default: Any, kind: str, *built_in: str) -> Any:
     return Field(default, description=meaning, json_schema_extra=extra)
 
 
-def choice(meaning: str, default: Any = ..., *, unit: str = "", allowed: str = "", **bounds: Any) -> Any:
-    """Declare an entry that is not a single physical number: the unit of a list, what is ``allowed`` in words."""
-    extra = {"unit": unit, "physical": False, "allowed": allowed}
+def choice(
+    meaning: str, default: Any = ..., *, unit: str = "", allowed: str = "", listed: bool = True, **bounds: Any
+) -> Any:
+    """Declare an entry that is not a single physical number: the unit of a list, what is ``allowed`` in words; ``listed`` as of a
+    quantity."""
+    extra = {"unit": unit, "physical": False, "allowed": allowed, "listed": listed}
     return Field(default, description=meaning, json_schema_extra=extra, **bounds)
 
 

@@ -152,6 +152,7 @@ def _overrides(section: type[Section]) -> type[Section]:
     for name, info in section.model_fields.items():
         copy = copy_of(info)
         copy.default = None
+        copy.json_schema_extra = {**(info.json_schema_extra or {}), "listed": False}  # type: ignore[dict-item]
         fields[name] = (Annotated[info.annotation | None, copy], None)  # type: ignore[operator]
     return create_model(f"{section.__name__}Overrides", __base__=Section, **fields)
 
@@ -165,8 +166,8 @@ class Joint(Section):
     axis: Vector = choice(
         "axis of the joint, all joint angles zero (x, y, z); default: positive swings forward", FORWARD
     )
-    motor: MotorOverrides | None = choice("this joint's own motor values, over [leg.motor]", None)  # type: ignore[valid-type]
-    gear: GearOverrides | None = choice("this joint's own gear values, over [leg.gear]", None)  # type: ignore[valid-type]
+    motor: MotorOverrides | None = choice("this joint's own motor values, over [leg.motor]", None, listed=False)  # type: ignore[valid-type]
+    gear: GearOverrides | None = choice("this joint's own gear values, over [leg.gear]", None, listed=False)  # type: ignore[valid-type]
 
 
 class Leg(Section):
@@ -189,7 +190,7 @@ class Leg(Section):
     body: Body
     motor: Motor
     gear: Gear
-    supply: Supply | None = choice("what feeds the motors (default: a stiff supply)", None)
+    supply: Supply | None = choice("what feeds the motors (default: a stiff supply)", None, listed=False)
     joint: dict[str, Joint]
     link: dict[str, Link]
     _fall: Vector = PrivateAttr((0.0, 0.0, -GRAVITY))

@@ -45,18 +45,18 @@ class Design(Section):
     start: StartPose
     hop: HopSettings = HopSettings()
     solver: Solver = Solver()
-    environment: Environment | None = choice("what surrounds the leg (default: air of 25 degC)", None)
+    environment: Environment | None = choice("what surrounds the leg (default: air of 25 degC)", None, listed=False)
     simulation: Simulation = Simulation()
     reserve: Reserve = Reserve()
     control: ControlSettings = ControlSettings()
     uncertainty: Uncertainty = Uncertainty()
     needs: tuple[ModuleName, ...] | None = choice(
-        "modules of your own that names in it come from, which no file loads (--with)", None,
+        "modules of your own that names in it come from, which no file loads (--with)", None, listed=False,
         allowed='a list of modules, such as ["my_module"],',
     )  # fmt: skip
 
     parameters: dict[str, OwnParameter] | None = choice(
-        "numbers of your own, by name, that functions of your own use (docs/objectives.md)", None
+        "numbers of your own, by name, that functions of your own use (docs/objectives.md)", None, listed=False
     )
 
     def __hash__(self) -> int:

@@ -62,7 +62,7 @@ class Solver(Section):
         "m/s", 0, 1e-3, 1e-6,
     )  # fmt: skip
     starts: int = choice("different starting points", 6, ge=1, le=1000)
-    ipopt: Ipopt | None = choice("options of Ipopt, by its own names", None)
+    ipopt: Ipopt | None = choice("options of Ipopt, by its own names", None, listed=False)
     seed: int = choice("seed of the starting points beyond the named ones", 0, ge=0, le=2**32 - 1)
 
     @property

@@ -107,7 +107,8 @@ class Transcription:
                 x = np.tile(phase.columns(phase.states, side), (layout.state_nodes, 1))
                 for node, end in ((0, "initial"), (-1, "final")):
                     x[node] = np.concatenate([s.end_bounds(end)[side == "upper"] for s in phase.states])
-                for edge, component in zip(layout.mesh.free, layout.mesh.zeros, strict=False):
+                zeros = layout.mesh.zeros
+                for edge, component in zip(layout.mesh.free, zeros, strict=True) if zeros else ():
                     x[edge * self.scheme.steps, component] = 0.0
                 out[where.x] = x.ravel()
                 out[where.u] = np.tile(phase.columns(phase.controls, side), layout.control_nodes)

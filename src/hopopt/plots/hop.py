@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hopopt.design.fields import TRUNK
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
@@ -72,6 +73,8 @@ def _height_curves(solution: Solution) -> Iterable[tuple[str, str, dict[str, Any
     for k, name in enumerate(joints):
         yield name, name, {"color": JOINT_COLORS[k % 3], "ls": JOINT_STYLES[k // 3 % 3], "lw": 2}
     yield body, f"body ({body})", {"color": GREEN, "lw": 2}
+    if TRUNK in solution.robot.points:
+        yield TRUNK, "lowest of the trunk", {"color": GREEN, "lw": 2, "ls": ":"}
     yield "com", "centre of mass", {"color": GREY, "lw": 2, "ls": "--"}
 
 

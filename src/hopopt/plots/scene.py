@@ -19,6 +19,7 @@ import pinocchio as pin
 
 from hopopt.errors import MissingExtraError, UsageError
 from hopopt.leg.files.urdf_visuals import BODY, Visual
+from hopopt.leg.geometry.solids import BESIDE, solids
 from hopopt.leg.scales import Scale
 from hopopt.planner.motion import Motion
 
@@ -28,7 +29,8 @@ THICK = 0.04  # radius of a link's cylinder, as a share of the leg's length
 FORCE = 0.0006  # [m/N] on the paper's leg: length of the ground force's line
 GROUND, CELL, SECTION = 4.0, 0.1, 0.5  # [m] on the paper's leg: sides of the ground, of its cells, of their sections
 PLAY_SPEEDS = {"1": 1.0, "1/4": 0.25, "1/10": 0.1}
-BLUE, GREY, BLACK = (0, 114, 178), (120, 120, 120), (26, 26, 26)
+BLUE, GREY, BLACK, SHAPE = (0, 114, 178), (120, 120, 120), (26, 26, 26), (230, 159, 0)
+SLICE = 0.15  # of the leg's length: half the width at which a polygon is drawn
 LARGEST_MESH = 100_000_000  # bytes of a mesh
 
 
@@ -36,7 +38,7 @@ class HopScene:
     """A hop on a server of viser.
 
     server: viser's. links: frame of the body and of each moving joint, by name. slider: time since the hop began [s].
-    drawn: link -> what is shown of it: "mesh", or "cylinder" where there is none.
+    drawn: link -> what is shown of it: "mesh", or "cylinder" where there is none. shapes: what collides, by its place in the scene.
     """
 
     def __init__(self, server: Any, hop: Motion, looks: Sequence[Visual] = ()):
@@ -53,6 +55,7 @@ class HopScene:
             name: server.scene.add_frame(f"/leg/{name}", show_axes=False) for name in ("body", *hop.robot.joints)
         }
         self.drawn = self._dress(looks)
+        self.shapes = self._shapes()
         self._push = server.scene.add_line_segments(
             "/ground force", np.zeros((1, 2, 3)), BLACK, thickness=0.2 * THICK * self._length
         )
@@ -93,6 +96,24 @@ class HopScene:
             drawn["body" if k == 0 else self._robot.leg.links[k - 1]] = "mesh" if k - 1 in worn else "cylinder"
         return drawn
 
+    def _shapes(self) -> dict[str, Any]:
+        """What collides, half transparent in the frame of what moves it, by name."""
+        trimesh, names, found = import_module("trimesh"), ("body", *self._robot.joints), dict[str, Any]()
+        for k, solid in enumerate(solids(self._robot.leg)):
+            ball = trimesh.creation.icosphere(1, solid.radius).vertices if solid.radius else np.zeros((1, 3))
+            points = solid.points * [1.0, self._drawn_width(solid.points), 1.0]
+            hull = trimesh.convex.convex_hull((points[:, None] + ball).reshape(-1, 3), qhull_options="QJ Pp")
+            where = f"/leg/{names[solid.joint + 1]}/shape_{k}_{solid.name}"
+            found[where] = self.server.scene.add_mesh_simple(
+                where, hull.vertices, hull.faces, color=SHAPE, opacity=0.35, visible=solid.counts
+            )
+        return found
+
+    def _drawn_width(self, points: np.ndarray) -> float:
+        """Share of its width that is drawn of a solid: of a polygon, which nothing passes beside, a part."""
+        width = float(np.abs(points[:, 1]).max())
+        return 1.0 if width < BESIDE * self._length else SLICE * self._length / width
+
     def _simple(self, joint: int, name: str) -> None:
         """A cylinder from a joint to the next point, with balls at its ends; a ball for the body."""
         trimesh, radius = import_module("trimesh"), THICK * self._length
@@ -123,8 +144,16 @@ class HopScene:
         self.slider = gui.add_slider("time [s]", 0.0, round(self.end, 3), 0.001, 0.0)
         self.button = gui.add_button("Play")
         self.speed = gui.add_dropdown("speed", list(PLAY_SPEEDS), initial_value="1/4")
+        if self.shapes:
+            shown = gui.add_checkbox("shapes that collide, also those of other limbs", False)
+            shown.on_update(lambda event: self._show_all(shown.value))
         self.slider.on_update(lambda event: self.show(self.slider.value))
         self.button.on_click(lambda event: self.play(not self.playing))
+
+    def _show_all(self, on: bool) -> None:
+        """Show all shapes, or those alone that count as the robot's lowest point."""
+        for shape, solid in zip(self.shapes.values(), solids(self._robot.leg), strict=True):
+            shape.visible = on or solid.counts
 
     # ---- what moves ---------------------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from hopopt.design import Leg
-from hopopt.leg.geometry.solids import outline, solids
+from hopopt.leg.geometry.solids import Solid, outline, solids
 from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
@@ -82,10 +82,12 @@ class _HopPoses:
         chain = np.stack([self.samples.points[name] for name in (*self.leg.joints, "foot")], axis=1)
         self.x, self.z = chain[..., 0], chain[..., 1]
         self.reach, self.solids = reach(self.leg), [solid for solid in solids(self.leg) if solid.counts]
+        self.shapes = [[self._outline(solid, k) for solid in self.solids] for k in range(len(times))]
         self.radius = 0.09 * self.reach
         # the window is a limit of the clearance only; a wider one than the leg would only shrink the leg
         self.window = min(solution.design.hop.foot_window, self.reach) if solution.objective != "apex" else 0.0
-        self.height = 1.05 * max(self.z.max() + self.radius, headline(solution)[1])
+        highest = max((corners[:, 1].max() for shapes in self.shapes for corners in shapes), default=0.0)
+        self.height = 1.05 * max(self.z.max() + self.radius, headline(solution)[1], highest)
         self._arrange()
 
     def _arrange(self) -> None:
@@ -95,6 +97,9 @@ class _HopPoses:
         margin = np.full(len(body), self.radius)
         margin[self.apex] = max(self.radius, self.window)
         left, right = np.minimum(left, body - margin), np.maximum(right, body + margin)
+        for k, shapes in enumerate(self.shapes):
+            left[k] = min([left[k], *(body[k] + corners[:, 0].min() for corners in shapes)])
+            right[k] = max([right[k], *(body[k] + corners[:, 0].max() for corners in shapes)])
         widths = right - left + 0.1 * self.reach
         widths[self.apex] += 0.8 * self.reach  # the height stands to the right of the apex
         count = max(1, round(math.sqrt(widths.sum() / self.height * FIGURE_SIZE[1] / FIGURE_SIZE[0])))
@@ -111,6 +116,10 @@ class _HopPoses:
         self.x = self.x + (starts - left)[:, None]
         self.middle, self.right = starts + 0.5 * (right - left), starts + right - left
 
+    def _outline(self, solid: Solid, k: int) -> np.ndarray:
+        """Corners (m, 2) [m] of a solid in pose k, along from the body and above the ground."""
+        return outline(self.leg, solid, self.samples.q[k, BASE:]) + np.array([0.0, self.z[k, 0]])
+
     def label(self, k: int) -> str:
         """Time [s] of pose k."""
         last = "rest" if LANDING in self.solution.phases else "touchdown"
@@ -122,9 +131,10 @@ class _HopPoses:
         phase = str(self.samples.phase[k])
         label = phase if self.samples.phase[:k].tolist().count(phase) == 0 else None
         ax.plot(self.x[k], self.z[k], "-o", color=COLOR[phase], lw=3, ms=5, mfc="white", zorder=3, label=label)
-        for solid in self.solids:
-            corners = outline(self.leg, solid, self.samples.q[k, BASE:]) + np.array([self.x[k, 0], self.z[k, 0]])
-            ax.add_patch(Polygon(corners, fc=GREY, ec="none", alpha=0.35, zorder=2))
+        for j, corners in enumerate(self.shapes[k]):
+            label = "shapes of body and links" if k == j == 0 else None
+            corners = corners + np.array([self.x[k, 0], 0.0])
+            ax.add_patch(Polygon(corners, fc=GREY, ec="none", alpha=0.35, zorder=2, label=label))
         ax.add_patch(Circle((self.x[k, 0], self.z[k, 0]), self.radius, fc=COLOR[phase], ec="none", zorder=4))
 
     def draw_apex(self, ax: Axes) -> None:

@@ -11,7 +11,6 @@ from pydantic import BaseModel
 
 from hopopt.design import Design
 from hopopt.design.fields import TRUNK
-from hopopt.design.geometry.shape import Shape
 from hopopt.design.problem import OwnParameter
 from hopopt.leg.scales import reserve_of
 
@@ -99,18 +98,15 @@ def shown_path(path: str) -> str:
 def _rows(path: str, section: BaseModel) -> Iterator[Row]:
     for name, info in type(section).model_fields.items():
         value, extra = getattr(section, name), info.json_schema_extra
+        said = extra if isinstance(extra, dict) else {}
         here = f"{path}.{name}" if path else name
         if isinstance(value, BaseModel):
             yield from _rows(here, value)
         elif isinstance(value, dict):  # leg.joint and leg.link: their tables sit in [leg] itself
             for key, item in value.items():
                 yield from _rows(f"{path if name in ('joint', 'link') else here}.{key}", item)
-        elif value is not None or not (
-            name in ("motor", "gear", "supply", "environment", "needs", "parameters", "ipopt", "shapes", "radius")
-            or isinstance(section, Shape)
-            or "Overrides" in type(section).__name__
-        ):
-            unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+        elif value is not None or said.get("listed", True):
+            unit = str(said.get("unit", ""))
             if isinstance(section, OwnParameter) and name in ("value", "lower", "upper"):
                 unit = section.unit
             yield Row(here, value, unit, info.description or "")

@@ -18,6 +18,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 WRITTEN_ANEW = (
     "unit",
     "physical",
+    "listed",
     "allowed",
     "title",
     "default",

@@ -30,11 +30,10 @@ def starts_lines(s: Summary, more: str = "") -> list[str]:
     ends = f"{ended} ended at a hop, {stopped} stopped near one, {len(starts.failed)} failed"
     found = [_family(s, f) for f in s.families]
     shown = ", ".join(found[:FAMILIES]) + (f" and {len(found) - FAMILIES} lower" if len(found) > FAMILIES else "")
-    apart = "" if starts.apart is None else f", over {measure(s, starts.apart, '.0e')} apart"
-    return [
-        f"{tried}: {ends}",
-        f"{len(found)} different hop{'' if len(found) == 1 else 's'}{apart}: {shown}{more}",
-    ]
+    counted = f"{len(found)} different hops" if len(found) > 1 else "one hop"
+    if starts.apart is not None and ended > 1:
+        counted += f" (what differs by less than {measure(s, starts.apart, '.0e')} counts as one)"
+    return [f"{tried}: {ends}", f"{counted}: {shown}{more}"]
 
 
 def _family(s: Summary, f: HopFamily) -> str:

@@ -13,7 +13,9 @@ class Body(Section):
         "equal legs that carry the body, push together and mirror each other; from a URDF its mass is shared among them",
         "1", 1, 100, None,
     )  # fmt: skip
-    shapes: Shapes | None = choice("solids of the body by name: [leg.body.shapes.trunk] (docs/body.md)", None)
+    shapes: Shapes | None = choice(
+        "solids of the body by name: [leg.body.shapes.trunk] (docs/body.md)", None, listed=False
+    )
 
 
 class Link(Section):
@@ -34,5 +36,7 @@ class Link(Section):
         "moments xx, yy, zz and products xy, xz, yz of inertia about the centre of mass, all joint angles zero, "
         "in place of inertia", None, unit="kg m^2",
     )  # fmt: skip
-    radius: float | None = quantity("of the link, round about the line from its joint to the next", "m", 1e-4, 1, None)
-    shapes: Shapes | None = choice("solids of the link by name, as of the body", None)
+    radius: float | None = quantity(
+        "of the link, round about the line from its joint to the next", "m", 1e-4, 1, None, listed=False
+    )
+    shapes: Shapes | None = choice("solids of the link by name, as of the body", None, listed=False)

@@ -16,13 +16,15 @@ Corner = tuple[Number, Number]
 class Shape(Section):
     """A solid: a box, a polygon in the leg's plane, or the hull of points; two points with a radius are a capsule."""
 
-    box: tuple[Size, Size, Size] | None = choice("its lengths along x, y and z, about its origin", None, unit="m")
+    box: tuple[Size, Size, Size] | None = choice(
+        "its lengths along x, y and z, about its origin", None, unit="m", listed=False
+    )
     polygon: tuple[Corner, ...] | None = choice(
-        "its corners (x, z), of a solid that the leg does not pass beside", None, unit="m", min_length=3, max_length=64,
+        "its corners (x, z), of a solid that the leg does not pass beside", None, unit="m", listed=False, min_length=3, max_length=64,
         allowed="a list of at least three corners [x, z], each number from -1000 to 1000,",
     )  # fmt: skip
     points: tuple[Vector, ...] | None = choice(
-        "whose hull it is (x, y, z); two points with a radius are a capsule", None, unit="m", min_length=1, max_length=200,
+        "whose hull it is (x, y, z); two points with a radius are a capsule", None, unit="m", listed=False, min_length=1, max_length=200,
         allowed="a list of points [x, y, z], each number from -1000 to 1000,",
     )  # fmt: skip
     at: Vector = choice(

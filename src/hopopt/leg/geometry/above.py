@@ -42,7 +42,7 @@ def height_rows(design: Design) -> list[tuple[str, str, float]]:
     stay higher by the radius of a capsule about it; a link whose capsule starts too low counts by its own points."""
     hop, leg, above = design.hop, design.leg, above_ground(design)
     rows = {point: (name, 0.0 if name == "foot" else hop.least_height) for name, own in above.items() for point in own}
-    heights = dict(zip(leg.joints, _joint_heights(design), strict=False))
+    heights = dict(zip(leg.joints, _joint_heights(design), strict=True))
     for k, link in enumerate(leg.links[:-1]):
         own, ends = above.get(link, ()), leg.joints[k : k + 2]
         least = hop.least_height + capsule_radius(leg, own, k) if own else np.inf

@@ -128,11 +128,6 @@ def placed(leg: Leg, solid: Solid, q_j: np.ndarray) -> np.ndarray:
     return places[solid.joint][..., None, :] + solid.points @ np.swapaxes(turns[solid.joint], -1, -2)
 
 
-def lowest(leg: Leg, solid: Solid, q_j: np.ndarray) -> np.ndarray:
-    """Height (...,) [m] of the lowest point of a solid over the first joint, for joint angles q_j (..., n) [rad]."""
-    return placed(leg, solid, q_j)[..., 2].min(axis=-1) - solid.radius
-
-
 def outline(leg: Leg, solid: Solid, q_j: np.ndarray) -> np.ndarray:
     """What of a solid is seen from the side: corners (k, 2) x, z [m] of the convex outline from the first joint, at joint
     angles q_j (n) [rad]."""

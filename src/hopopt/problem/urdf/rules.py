@@ -71,17 +71,22 @@ def _placeholders(found: UrdfLeg, tables: Mapping[str, Any], report: Report) -> 
     def ours(path: str) -> bool:
         return report.origins.get(path) == report.urdf
 
+    limits, drives = list[str](), list[str]()
     for item in found.links:
         for side, value in (("lower", item.lower), ("upper", item.upper)):
             if ours(path := f"leg.{item.joint}.{side}") and abs(value) >= WHOLE_TURN:
-                report.add(path, f"= {value:g} rad is a placeholder: a whole turn or more is no limit of a leg's joint")
-                report.unreadable = True  # what follows from it would only confuse
+                limits.append(f"{path} ({value:g} rad)")
         for entry, value, unit, most in (
-            ("max_torque", item.effort, "effort, N m", STRONGEST),
-            ("max_speed", item.velocity, "velocity, rad/s", FASTEST),
+            ("max_torque", item.effort, "N m", STRONGEST),
+            ("max_speed", item.velocity, "rad/s", FASTEST),
         ):
             path = f"leg.{item.joint}.motor.{entry}"
             if entry in tables.get(item.joint, {}).get("motor", {}) and ours(path) and value >= most:
-                words = f"comes of {value:g} ({unit}), a placeholder: from {most:g} on it is no limit of a leg's drive"
-                report.add(path, words)
-                report.unreadable = True
+                drives.append(f"{path} ({value:g} {unit})")
+    if limits or drives:
+        once = ", those of motors once for all joints in [leg.motor]" if len(drives) > 1 else ""
+        listed = ", ".join((*limits, *drives))
+        report.fault(
+            f"{report.urdf}: placeholders, which limit nothing: {listed}; write them in the problem file{once}", "leg"
+        )
+        report.unreadable = True  # what follows from it would only confuse

@@ -21,6 +21,7 @@ from hopopt.sim.ground.coulomb import (
     grips,
     held,
     of_foot,
+    response,
     slip_direction,
     slipping,
 )
@@ -53,9 +54,7 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     tau, a, c, most = motor.copy(), np.zeros(n), np.zeros(2), 1 if leg.lossless else NEWTON_STEPS
     X, G, velocity = np.zeros((n + 2, 3)), np.zeros((2, 2)), np.zeros(2)
     for _ in range(most):
-        B, mass = np.zeros((n + 2, 3)), M.copy()
-        for k in range(n + 2):
-            B[k, 0], B[k, 1], B[k, 2] = -h[k], J[0, k], J[1, k]
+        forces, mass = -h, M.copy()
         for k in range(n):
             ahead = motor[k]
             if not leg.lossless:
@@ -64,13 +63,8 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
                 ahead = out + slope * rotor * a[k]
                 mass[2 + k, 2 + k] -= (1 - slope) * rotor
                 tau[k] = out + rotor * a[k]
-            B[2 + k, 0] += ahead + stop[k]
-        X = solved(mass, B)
-        velocity, G = of_foot(J, v, X[:, 1:])
-        for i in range(2):
-            c[i] = drift[n, i]
-            for k in range(n + 2):
-                c[i] += J[i, k] * X[k, 0]
+            forces[2 + k] += ahead + stop[k]
+        X, c, G, velocity = response(mass, forces, J, drift[n], v)
         fx, fz = contact_force(mode, leg.mu, c, G)
         step = 0.0
         for k in range(n):

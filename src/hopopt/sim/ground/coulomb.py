@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
+from hopopt.sim.ground.planar import solved
 
 STICK, FORWARD, BACKWARD, FLIGHT = 0, 1, -1, 2  # modes; the foot slips in the direction of the number
 
@@ -23,6 +24,25 @@ def of_foot(J: np.ndarray, v: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np
             G[a, 0] += J[a, k] * X[k, 0]
             G[a, 1] += J[a, k] * X[k, 1]
     return velocity, G
+
+
+@kernel
+def response(
+    M: np.ndarray, forces: np.ndarray, J: np.ndarray, drift: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Accelerations under forces (n + 2) without contact, and by unit forces along x and z at the foot, (n + 2, 3); c (2) [m/s^2]
+    and G (2, 2) [1/kg] of the foot; its velocity (2) [m/s]. drift: the foot's, by the turning alone (2) [m/s^2]."""
+    n = len(forces)
+    B, c = np.zeros((n, 3)), np.zeros(2)
+    for k in range(n):
+        B[k, 0], B[k, 1], B[k, 2] = forces[k], J[0, k], J[1, k]
+    X = solved(M, B)
+    velocity, G = of_foot(J, v, X[:, 1:])
+    for i in range(2):
+        c[i] = drift[i]
+        for k in range(n):
+            c[i] += J[i, k] * X[k, 0]
+    return X, c, G, velocity
 
 
 @kernel

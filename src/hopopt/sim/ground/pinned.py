@@ -11,8 +11,8 @@ from hopopt.compiled.kernel import argument, kernel
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.leg.robot import Robot
-from hopopt.sim.ground.coulomb import FLIGHT, STICK, contact_force, of_foot
-from hopopt.sim.ground.planar import bias, chain, foot_jacobian, mass_matrix, planar_leg, solved
+from hopopt.sim.ground.coulomb import FLIGHT, STICK, contact_force, response
+from hopopt.sim.ground.planar import bias, chain, foot_jacobian, mass_matrix, planar_leg
 from hopopt.sim.ground.stops import Stops
 
 
@@ -31,13 +31,8 @@ def answer(leg: Any, mode: int, z: np.ndarray) -> np.ndarray:
     q, v, tau = np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
     q[2:], v[2:], tau[2:] = z[:n], z[n : 2 * n], z[2 * n :]
     joints, centres, drift = chain(leg, q, v)
-    J, B = foot_jacobian(leg, joints), np.zeros((n + 2, 3))
-    B[:, 0], B[:, 1], B[:, 2] = tau - bias(leg, joints, centres, drift), J[0], J[1]
-    X = solved(mass_matrix(leg, joints, centres), B)
-    G, c = of_foot(J, v, X[:, 1:])[1], drift[n].copy()
-    for i in range(2):
-        for k in range(n + 2):
-            c[i] += J[i, k] * X[k, 0]
+    forces, M = tau - bias(leg, joints, centres, drift), mass_matrix(leg, joints, centres)
+    X, c, G, _ = response(M, forces, foot_jacobian(leg, joints), drift[n], v)
     found = np.zeros(n + 2)
     found[n], found[n + 1] = contact_force(mode, leg.mu, c, G)
     found[:n] = X[2:, 0] + found[n] * X[2:, 1] + found[n + 1] * X[2:, 2]
