@@ -197,7 +197,9 @@ def test_what_a_file_says_of_a_motor_leaves_the_rest_to_the_urdf(tmp_path: Path)
         "[start]\njoint_angles = [1.0, -2.0, 1.2]\n"
     )
     (tmp_path / "m.toml").write_text(text)
-    with pytest.raises(ProblemFileError, match=r"leg\.urdf: leg\.ankle\.motor\.max_torque .* write leg\.ankle\.motor"):
+    with pytest.raises(
+        ProblemFileError, match=r"leg\.urdf: placeholders.*: leg\.ankle\.motor\.max_torque \(1e\+08 N m\)"
+    ):
         load(tmp_path / "m.toml")
     (tmp_path / "m.toml").write_text(text.replace("[start]", "[leg.ankle.motor]\nmax_torque = 50\n[start]"))
     leg = load(tmp_path / "m.toml").leg

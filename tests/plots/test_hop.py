@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from matplotlib.transforms import Bbox
 
 import hopopt as ho
@@ -18,6 +19,7 @@ from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.solution import Solution
 from hopopt.plots.hop import FIGURES, save_all
 from hopopt.plots.style import NORMALISED_TIMES, jumping_curve, legend, new_figure
+from hopopt.problem.load import changed
 from once import solved_once
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 16, "solver.flight_intervals": 8}
@@ -144,6 +146,24 @@ def labels(figure: Figure) -> str:
 
 
 @pytest.mark.slow
+def test_a_trunk_is_drawn_whole_and_named() -> None:
+    """Wider and higher than the leg: every corner lies within the axes, poses beside each other do not overlap, and the legend
+    and the heights know it."""
+    shapes = {"trunk": {"box": [0.9, 0.2, 0.7], "at": [0.1, 0.0, 0.3]}}
+    shaped = replace(solved_once(), design=changed(solved_once().design, {"leg.body.shapes": shapes}))
+    figure = FIGURES["stick"](shaped)
+    for ax in figure.axes:
+        low, high = np.transpose([ax.get_xlim(), ax.get_ylim()])
+        drawn = [p.get_xy() for p in ax.patches if isinstance(p, Polygon)]
+        for corners in drawn:
+            assert np.all(corners >= low)
+            assert np.all(corners <= high)
+        for one, other in pairwise(sorted(drawn, key=lambda corners: corners[:, 0].min())):
+            assert one[:, 0].max() < other[:, 0].min()
+    assert "shapes of body and links" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "lowest of the trunk" in FIGURES["heights"](shaped).axes[0].get_legend_handles_labels()[1]
+
+
 def test_only_limits_that_hold_are_drawn(solved: Callable[[str], Solution]) -> None:
     """The friction cone where there is friction, the foot window where the objective has one."""
     for case in CASES:

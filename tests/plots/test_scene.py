@@ -8,6 +8,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from hopopt.leg.robot import build_robot
 from hopopt.planner.solution import Solution
 from hopopt.plots import scene as plots
 from hopopt.plots.scene import HopScene, serve
+from hopopt.problem.load import changed
 from hopopt.storage.solution import save
 from refusals import refusal
 
@@ -121,6 +123,23 @@ def test_the_slider_moves_the_leg_and_play_moves_the_slider(server: Any, hop: So
 
 def test_links_without_meshes_are_cylinders(server: Any, hop: Solution) -> None:
     assert HopScene(server, hop).drawn == {"body": "cylinder", "thigh": "cylinder", "shank": "cylinder"}
+
+
+def test_shapes_that_collide_are_drawn_where_they_are(server: Any, hop: Solution) -> None:
+    """Half transparent, in the frames of body and thigh; what does not count is hidden until it is asked for."""
+    shapes = {
+        "trunk": {"box": [0.4, 0.2, 0.16], "at": [-0.05, 0.0, 0.06]},
+        "other": {"points": [[0.1, 0.3, -0.2]], "radius": 0.05, "counts": False},
+        "wall": {"polygon": [[-0.5, 0.1], [-0.4, 0.1], [-0.4, 0.2]], "counts": False},
+    }
+    design = changed(hop.design, {"leg.body.shapes": shapes, "leg.thigh.radius": 0.03})
+    scene = HopScene(server, replace(hop, design=design))
+    trunk, other, wall, thigh = scene.shapes.values()
+    np.testing.assert_allclose(trunk.vertices.min(axis=0), [-0.25, -0.1, -0.02], atol=1e-6)
+    np.testing.assert_allclose(np.ptp(other.vertices, axis=0), 0.1, atol=1e-2)
+    assert np.abs(wall.vertices[:, 1]).max() < 0.2
+    np.testing.assert_allclose(np.ptp(thigh.vertices, axis=0)[2], 0.44, atol=1e-2)
+    assert [shape.visible for shape in scene.shapes.values()] == [True, False, False, True]
 
 
 def test_visuals_lie_where_the_urdf_puts_them(robot: Path) -> None:
