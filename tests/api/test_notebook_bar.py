@@ -65,6 +65,17 @@ def test_a_study_ends_at_its_time_limit_and_goes_on(tmp_path: Path) -> None:
         ho.sweep(problem, vary, time_limit=-1.0)
 
 
+def test_a_choice_ends_at_its_time_limit_and_says_what_was_not_begun(tmp_path: Path) -> None:
+    pair = ["maxon-ec90-flat-260", "csf-25-50"]
+    found = ho.choose("paper", 0.3, only=pair, processes=1, results=str(tmp_path), time_limit=1e-6)
+    assert [(c.outcome, c.sentence) for c in found.candidates] == [
+        ("not solved", "the time limit was reached before it")
+    ]
+    assert found.exit_code == 1
+    assert found.folder is not None
+    assert (found.folder / "sweep.json").is_file()  # from which it goes on
+
+
 def test_a_comparison_is_kept_and_says_what_its_time_did_not_do(hop: solution.Solution, tmp_path: Path) -> None:
     found = ho.Solution.with_methods(hop).compare("force", "position", time_limit=1e-6, results=str(tmp_path))
     assert found.notes == tuple(f"the time limit was reached before {s} was simulated" for s in ("force", "position"))

@@ -101,6 +101,7 @@ def choose(
     starts: int | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
+    time_limit: float | None = None,
     results: str | Path | None = None,
     resume: str | Path | None = None,
     progress: Progress = None,
@@ -117,7 +118,7 @@ def choose(
     present_mass: of the present drives of one leg's chosen joints [kg], which leg.body.mass counts
     catalogue: a .toml or .csv file of motors and gears of your own, beside the built-in ones and the problem's
     starts: of those that are verified
-    processes, scheduler, results, resume, progress: as in ``sweep``
+    processes, scheduler, time_limit, results, resume, progress: as in ``sweep``; pairs that no time was left for are not solved
 
     Raises UsageError for what cannot be asked, ProblemFileError for a catalogue with faults.
     """
@@ -126,7 +127,7 @@ def choose(
     found = chosen(
         as_design(problem), clearance, joints=joints, only=only, legs=legs, by=by, verify=verify, present_mass=present_mass,
         entries=entries, starts=starts, processes=processes, scheduler=scheduler, progress=told(progress),
-        **_places(results, resume),
+        until=within(time_limit), **_places(results, resume),
     )  # fmt: skip
     return as_class(Choice, found)
 

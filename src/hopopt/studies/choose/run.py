@@ -16,6 +16,7 @@ import numpy as np
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.robot import build_robot
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.guesses.feasibility import strength
 from hopopt.problem.catalogue import Entry, catalogue
 from hopopt.problem.load import changed
@@ -32,6 +33,7 @@ from hopopt.studies.sweep.definition import Axis, Definition
 
 Say = Callable[[str], None]
 HOPELESS = 0.7  # share of the torques that hold the start pose, below which no drive was seen to hop (benchmarks/choose_pairs.py)
+NOT_BEGUN = "the time limit was reached before it"
 NEARLY = 0.15  # share of the clearance by which a pair may miss it and be solved again from pairs like it
 
 
@@ -54,13 +56,14 @@ def choose(
     opened: Callable[[Path], None] = lambda folder: None,
     listed: Callable[[Choice], None] = lambda found: None,
     entries: Mapping[str, Entry] | None = None,
+    until: Deadline = NEVER,
 ) -> Choice:
     """Every pair of motor and gear that lifts the leg's lowest point by a clearance [m], sorted.
 
     only: patterns of the names of motors and gears (None: all); joints: whose drives are chosen (None: all, with one pair); legs: of the robot, whose drives the body carries
     by: mass, price, energy or peak-power; verify: how many of the first are verified in full
     present_mass: of the present drives of one leg [kg]; entries: the catalogue, if it is another
-    listed: told the choice when all pairs are solved and some are still to be verified
+    listed: told the choice when all pairs are solved and some are still to be verified; until: when nothing more may be begun
 
     UsageError for what cannot be asked. The rest as of a map.
     """
@@ -86,7 +89,7 @@ def choose(
     solved, folder = _solved(
         definition, left, clearance, by, verify, preliminary,
         processes=processes or os.cpu_count() or 1, scheduler=scheduler, results=results, resume=resume, progress=progress,
-        opened=opened,
+        opened=opened, until=until,
     )  # fmt: skip
     return Choice(chosen, clearance, by, (*solved, *done), folder, time.perf_counter() - began)
 
@@ -131,7 +134,10 @@ def _solved(
     listed: Callable[[Sequence[Candidate], Path], None], opened: Callable[[Path], None], **settings: Any,
 ) -> tuple[list[Candidate], Path]:  # fmt: skip
     """The candidates as the map leaves them."""
-    known, folder = dict[int, Candidate](), list[Path]()
+    known, folder = (
+        {k: replace(c, outcome=choice.NOT_SOLVED, sentence=NOT_BEGUN) for k, c in enumerate(left)},
+        list[Path](),
+    )
 
     def told(place: Path) -> None:
         folder.append(place)
@@ -149,7 +155,7 @@ def _solved(
         definition, checked=0, doubts=lambda points: _nearly(definition, points, wish), to_verify=to_verify,
         so_far=lambda points: _so_far(left, points, wish), opened=told, **settings,
     )  # fmt: skip
-    for k, p in enumerate(found.points):
+    for k, p in ((p.index, p) for p in found.points):
         if p.verified and p.clearance_m is not None:
             outcome = outcome_of(p.clearance_m, wish, True)
             lacks = "" if outcome == choice.CLEARS else known[k].lacks or "mass"

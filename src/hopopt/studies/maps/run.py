@@ -67,7 +67,7 @@ def run_map(
 
     verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random;
     doubts: which points besides are solved again from those around them; to_verify: which are verified besides, once all
-    are solved; so_far: words on the points that are solved, for the line of progress; until: when no piece may be begun any more: the map is then what is finished, and can be resumed
+    are solved; so_far: words on the points that are solved, for the line of progress; until: when nothing more may be begun: the map is then what is finished, and can be resumed
     """
     began, say = time.perf_counter(), progress or (lambda text: None)
     check_verify_best(verify_best, definition.preliminary)
@@ -80,13 +80,14 @@ def run_map(
             work = _Work(definition, folder, crew, say, until, so_far)
             first = read_part(folder, FIRST, 0, definition) or _saved(folder, first_search(definition, count, say))
             parts = work.pieces(first)
-            if until.passed:
-                return map_in(folder)
-            parts += work.again(parts, doubts(_latest(parts)))
+            if not until.passed:
+                parts += work.again(parts, doubts(_latest(parts)))
             points, solved_now, mapping = _latest(parts), work.solved, time.perf_counter() - began
             drawn, best = _drawn(definition, points, checked), _best(definition, points, verify_best)
             besides = to_verify(points, _hops(parts)) if to_verify else ()
             verified = work.verified(points, _hops(parts), list(dict.fromkeys([*drawn, *best, *besides])))
+            if until.passed:
+                return map_in(folder)
         sampled, leading = (tuple(Verified(points[k], verified[k]) for k in chosen) for chosen in (drawn, best))
         preliminary = tuple(points[k] for k in range(len(points)))
         shown = tuple(verified.get(k, p) for k, p in enumerate(preliminary))
@@ -184,6 +185,8 @@ class _Work:
         """Points that are to be doubted solved again from those around them, until that improves none."""
         found = list[Part]()
         for number in range(1, PASSES + 1):
+            if self.until.passed:
+                break
             points = _latest([*parts, *found])
             first = number == 1
             jobs = doubtful(self.definition, points, first and not self.definition.listed, besides if first else ())
@@ -205,6 +208,8 @@ class _Work:
             self.say, "designs once more, from those around them", sum(len(groups[n]) for n in waiting)
         )
         while waiting or self.crew.busy:
+            if self.until.passed:
+                waiting.clear()
             for n in waiting[: self.crew.free]:
                 waiting.remove(n)
                 given = [(points[k], [(points[g].family, hops[g]) for g in jobs[k]]) for k in groups[n]]
@@ -213,7 +218,7 @@ class _Work:
                 save_part(self.folder, part)
                 done[part.number] = part
                 count_down.more(len(groups[part.number]))
-        return [done[n] for n in range(len(groups))]
+        return [done[n] for n in sorted(done)]
 
     def verified(
         self, points: Mapping[int, MapPoint], hops: Mapping[int, np.ndarray], chosen: Sequence[int]
@@ -225,6 +230,8 @@ class _Work:
             self.say(f"designs to be verified: {len(waiting)}, one after the other on each core")
         count_down = Countdown(self.say, "designs to be verified", len(waiting))
         while waiting or self.crew.busy:
+            if self.until.passed:
+                waiting.clear()
             for k in waiting[: self.crew.free]:
                 waiting.remove(k)
                 self.crew.submit(solve_point, self.definition, k, [_neighbour(points[k], hops[k])])
