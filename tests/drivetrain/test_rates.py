@@ -78,6 +78,11 @@ def test_where_torques_may_jump_there_are_no_rates() -> None:
             Hop(load("paper", {**given, "contact.force_rate": MOST}))
 
 
+def test_the_hint_about_rates_is_given_for_rates_alone() -> None:
+    with pytest.raises(UsageError, match=r"has no attribute 'q' \(a, tau and f are not there at the end"):
+        Hop(load("paper"), constraints=(custom(lambda m: m.lift_off.q, "mine"),))
+
+
 @pytest.mark.slow
 def test_a_hop_keeps_the_limit_of_the_ground_force_and_a_function_of_rates(tmp_path: Path) -> None:
     """By differences of the stored force and acceleration; read in a folder and checked again."""

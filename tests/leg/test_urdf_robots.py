@@ -325,7 +325,11 @@ def test_legs_that_share_the_body_carry_equal_parts_of_it(read: Any) -> None:
     assert fed
     assert fed.legs == 1
     assert read(robot(other), "body = {legs = 2, mass = 3.0}").leg.body.mass == 3
-    for wrong, needed in (("2.5", "a whole number of legs"), ("inf", "a number from 1 to 100")):
+    for wrong, needed in (
+        ("2.5", "a whole number of legs"),
+        ("1" + "0" * 400, "a number from 1 to 100"),
+        ("inf", "a number from 1 to 100"),
+    ):
         with pytest.raises(ProblemFileError, match=rf"leg\.body\.legs = .*: {needed} is needed"):
             read(robot(other), f"body.legs = {wrong}")
     assert "leg.body.legs = 5 leaves no body: 5 legs of 1.5 kg weigh more than the robot of 7 kg" in refusal(read, robot(other), "body.legs = 5")  # fmt: skip
