@@ -25,7 +25,7 @@ from hopopt.studies.choose.run import choose, written
 PRELIMINARY, VERIFIED = 2e-3, 1e-5  # shares of the clearance by which it may be off
 
 
-def compared(found: Choice, c: Candidate, starts: int | None) -> tuple[bool, str]:
+def compared(found: Choice, c: Candidate, starts: int) -> tuple[bool, str]:
     """Whether a pair is as a solve of its written problem has it, and a line that says how far it is off."""
     try:
         answer = solve(written(found, c), processes=1, starts=starts)
@@ -45,7 +45,7 @@ def main() -> int:
     """Choose, solve, print."""
     given = [float(x) for x in sys.argv[1:]]
     wish, motors, gears, seed, seconds, count = given + [0.5, 3, 4, 0, 600, 0][len(given) :]
-    starts = int(count) or None
+    starts = int(count) or 6
     known, rng = catalogue(), random.Random(int(seed))
     sold = {
         part: [n for n, e in with_part(part, known).items() if part in e.masses and len(e.stated) == 1]

@@ -20,6 +20,7 @@ from hopopt.errors import UsageError
 from hopopt.planner import solution
 from hopopt.problem.load import as_design, catalogue_of
 from hopopt.problem.own import check_can_be_sent, name_of, with_constraints
+from hopopt.studies.choose.each import choose_each
 from hopopt.studies.choose.run import choose as chosen
 from hopopt.studies.maps.run import check_verify_best, run_map
 from hopopt.studies.pareto import trace as fronts
@@ -93,12 +94,13 @@ def choose(
     *,
     joints: Sequence[str] | None = None,
     only: Sequence[str] | None = None,
+    each: bool = False,
     legs: int = 1,
     by: str = "mass",
     verify: int = 3,
     present_mass: float | None = None,
     catalogue: str | Path | None = None,
-    starts: int | None = None,
+    starts: int = 1,
     processes: int | None = None,
     scheduler: str | None = None,
     time_limit: float | None = None,
@@ -112,19 +114,20 @@ def choose(
     clearance: what the hop must clear [m]
     joints: whose drives are chosen, with one pair; the others keep theirs (None: all)
     only: names of motors and gears that are tried, or patterns such as "csf-*" (None: all)
+    each: whether each of the joints has a pair of its own: the lightest combinations that clear
     legs: of the robot whose body the leg carries, with the drives of all of them
     by: mass, price, energy or peak-power
     verify: how many of the first are solved and verified in full; the others are preliminary
     present_mass: of the present drives of one leg's chosen joints [kg], which leg.body.mass counts
     catalogue: a .toml or .csv file of motors and gears of your own, beside the built-in ones and the problem's
-    starts: of those that are verified
+    starts: of each that is verified, beside the hop that it has already; 6 search as ``solve`` does
     processes, scheduler, time_limit, results, resume, progress: as in ``sweep``; pairs that no time was left for are not solved
 
     Raises UsageError for what cannot be asked, ProblemFileError for a catalogue with faults.
     """
     own = {} if catalogue is None else {"catalogue": str(catalogue)}
     entries = catalogue_of(problem if isinstance(problem, str | Path) else "paper", own)
-    found = chosen(
+    found = (choose_each if each else chosen)(
         as_design(problem), clearance, joints=joints, only=only, legs=legs, by=by, verify=verify, present_mass=present_mass,
         entries=entries, starts=starts, processes=processes, scheduler=scheduler, progress=told(progress),
         until=within(time_limit), **_places(results, resume),

@@ -11,6 +11,7 @@ from hopopt.plots.studies.choice import save
 from hopopt.problem.load import catalogue_of, load, resolved_toml
 from hopopt.storage.folder import write_json
 from hopopt.studies.choose.choice import FILE, Choice
+from hopopt.studies.choose.each import choose_each
 from hopopt.studies.choose.run import choose as chosen
 from hopopt.studies.choose.run import written
 
@@ -21,13 +22,14 @@ def choose(
     clearance: float,
     joints: str | None = None,
     only: str | None = None,
+    each: bool = False,
     legs: int = 1,
     by: str = "mass",
     verify: int = 3,
     present_mass: float | None = None,
     write: Path | None = None,
     set_: Overrides = None,
-    starts: int | None = None,
+    starts: int = 1,
     processes: int | None = None,
     scheduler: str | None = None,
     resume: Path | None = None,
@@ -52,6 +54,8 @@ def choose(
         Joints whose drives are chosen, such as knee or hip,knee; the others keep theirs (default: all).
     only
         Motors and gears that are tried, by names or patterns such as "maxon-ec60*,csf-*" (default: all).
+    each
+        Let each of the joints have a pair of its own: the lightest combinations that clear.
     legs
         Legs of the robot whose body this leg carries: so many times one leg's drives weigh on it.
     by
@@ -63,7 +67,7 @@ def choose(
     write
         Write the leg with the first of those that clear as a problem file.
     starts
-        Starting points of the first pair and of those that are verified (default: the problem's solver.starts).
+        Starting points of each that is verified, beside the hop that it has already; 6 search as solve does.
     processes
         How many pairs side by side (default: one for each core).
     scheduler
@@ -91,10 +95,10 @@ def choose(
                     show(of_preliminary_choice(found))
                 say.append(shown.enter_context(progress(json_)))
 
-            found = chosen(
+            found = (choose_each if each else chosen)(
                 design, clearance, joints=listed, only=names, legs=legs, by=by, verify=verify, present_mass=present_mass, starts=starts,
                 processes=processes, scheduler=scheduler, results=results, resume=resume,
-                progress=lambda text: say[-1](text), opened=folders.append, listed=shown_first, entries=catalogue_of(problem or "paper", set_ or ()),
+                progress=lambda text: say[-1](text), opened=(lambda folder: None) if each else folders.append, listed=shown_first, entries=catalogue_of(problem or "paper", set_ or ()),
             )  # fmt: skip
             if (folder := found.folder) is not None:
                 write_json(found.as_dict(), folder / FILE)

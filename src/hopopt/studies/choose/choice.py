@@ -7,7 +7,7 @@ from typing import Any
 
 from hopopt.errors import UsageError
 from hopopt.problem.checking.wording import did_you_mean
-from hopopt.studies.choose.pairs import Drives, Pair
+from hopopt.studies.choose.pairs import Drives, Tried
 
 CLEARS, FAILS, DROPPED, UNWEIGHED = "clears", "does not clear", "cannot clear", "no mass is stated"
 NOT_SOLVED, WEAK = "not solved", "cannot hold the start pose"
@@ -34,10 +34,10 @@ class Candidate:
     sentence: why it was not solved, or how its verification ended
     lacks: what is exhausted longest in the push, where it does not clear: torque, speed or supply
     energy: that its motors give in the push of that hop [J]; peak_power: the most that they give together [W]
-    ratio: of its gear
+    ratio: of its gear, if it is one
     """
 
-    pair: Pair
+    pair: Tried
     outcome: str
     mass: float | None = None
     price: float | None = None
@@ -49,7 +49,7 @@ class Candidate:
     lacks: str = ""
     energy: float | None = None
     peak_power: float | None = None
-    ratio: float = 1.0
+    ratio: float | None = None
 
     @property
     def clearance(self) -> float | None:
@@ -156,7 +156,7 @@ def order(c: Candidate, by: str) -> tuple[bool, float, float]:
 
 def best_ratios(candidates: Iterable[Candidate]) -> list[Candidate]:
     """Those that clear, of each family of gears the ratio that clears most."""
-    best = dict[tuple[str, str], Candidate]()
+    best = dict[tuple[str, ...], Candidate]()
     for c in (c for c in candidates if c.outcome == CLEARS):
         other = best.get(c.pair.family)
         if other is None or (c.clearance or 0.0) > (other.clearance or 0.0):

@@ -60,10 +60,63 @@ class Pair:
         return self.motor == self.gear
 
     @property
-    def family(self) -> tuple[str, str]:
+    def family(self) -> tuple[str, ...]:
         """Pairs with the same differ in the ratio of their gear alone."""
         found = FAMILY.fullmatch(self.gear)
         return self.motor, found[1] if found and not self.module else self.gear
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A pair for each joint.
+
+    at: joints with their pairs
+    """
+
+    at: tuple[tuple[str, Pair], ...]
+
+    @classmethod
+    def of(cls, at: Mapping[str, Pair]) -> "Combination":
+        """Of joints with their pairs."""
+        return cls(tuple(at.items()))
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return ", ".join(f"{joint}: {pair.name}" for joint, pair in self.at)
+
+    @property
+    def mass(self) -> float | None:
+        """Of a joint's motor and gear, on average [kg]; None where one is not stated."""
+        return _mean([pair.mass for _, pair in self.at])
+
+    @property
+    def price(self) -> float | None:
+        """The same [EUR]."""
+        return _mean([pair.price for _, pair in self.at])
+
+    @property
+    def unverified(self) -> tuple[str, ...]:
+        """Numbers of any of them that no source confirms."""
+        return tuple(dict.fromkeys(key for _, pair in self.at for key in pair.unverified))
+
+    @property
+    def family(self) -> tuple[str, ...]:
+        """Those with the same differ in the ratios of their gears alone."""
+        return tuple(name for _, pair in self.at for name in pair.family)
+
+
+Tried = Pair | Combination  # of which each may be a candidate
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if len(known) == len(values) else None
+
+
+def pairs_in(tried: Tried) -> list[Pair]:
+    """The pair, or those of the joints."""
+    return [tried] if isinstance(tried, Pair) else [pair for _, pair in tried.at]
 
 
 def pairs(entries: Mapping[str, Entry], only: Sequence[str] | None = None) -> list[Pair]:
@@ -120,16 +173,20 @@ class Drives:
     def all(self) -> bool:
         return len(self.joints) == len(self.design.leg.joints)
 
-    def added(self, pair: Pair) -> float:
+    def added(self, pair: Tried) -> float:
         """What the body weighs more with a pair than now [kg]."""
         assert pair.mass is not None
         return self.legs * (len(self.joints) * pair.mass - self.present)
 
-    def named(self, pair: Pair) -> dict[str, Any]:
+    def named(self, pair: Tried) -> dict[str, Any]:
         """Entries of the problem with a pair: by the catalogue's names, or by the numbers of a user's own file."""
-        paths = ["leg"] if self.all else [f"leg.{joint}" for joint in self.joints]
-        drives = {key: value for path in paths for part in KINDS for key, value in self._part(path, part, pair).items()}
-        return {**self._without_own, **drives, "leg.body.mass": self.design.leg.body.mass + self.added(pair)}
+        drives = {
+            key: value
+            for path, own in self._places(pair).items()
+            for part in KINDS
+            for key, value in self._part(path, part, own).items()
+        }
+        return {**self._without_own(pair), **drives, "leg.body.mass": self.design.leg.body.mass + self.added(pair)}
 
     def _part(self, path: str, part: str, pair: Pair) -> dict[str, Any]:
         """Entries of the motor or the gear of a pair at a place of the problem."""
@@ -140,28 +197,31 @@ class Drives:
         none = {key: None for key in (*keys, "catalogue") if not kind.model_fields[key].is_required()}
         return {f"{path}.{part}.{key}": value for key, value in {**none, **numbers}.items()}
 
-    def numbers(self, pair: Pair, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, float]:
+    def numbers(self, pair: Tried, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, float]:
         """The same as numbers alone, with the ``keys`` of motor and gear; those that the pair does not state do nothing."""
-        paths = ["leg"] if self.all else [f"leg.{joint}" for joint in self.joints]
         found = {"leg.body.mass": self.design.leg.body.mass + self.added(pair)}
-        for part in KINDS:
-            stated = entries[getattr(pair, part)].parts[part]
-            for key in keys[part]:
-                value = stated.get(key, _neutral(part, key, stated))
-                found |= {f"{path}.{part}.{key}": float(value) for path in paths}
+        for path, own in self._places(pair).items():
+            for part in KINDS:
+                stated = entries[getattr(own, part)].parts[part]
+                values = {key: stated.get(key, _neutral(part, key, stated)) for key in keys[part]}
+                found |= {f"{path}.{part}.{key}": float(value) for key, value in values.items()}
         return found
 
-    def base(self, pair: Pair, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    def base(self, pair: Tried, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         """Entries that the problem of all pairs has, with the numbers of one of them and no names."""
-        paths = ["leg"] if self.all else [f"leg.{joint}" for joint in self.joints]
-        nameless = {f"{path}.{part}.catalogue": None for path in paths for part in KINDS}
-        return {**self._without_own, **nameless, **self.numbers(pair, entries, keys)}
+        nameless = {f"{path}.{part}.catalogue": None for path in self._places(pair) for part in KINDS}
+        return {**self._without_own(pair), **nameless, **self.numbers(pair, entries, keys)}
 
-    @property
-    def _without_own(self) -> dict[str, Any]:
+    def _places(self, tried: Tried) -> dict[str, Pair]:
+        """Where in the problem a pair goes, or those of the joints."""
+        if isinstance(tried, Combination):
+            return {f"leg.{joint}": pair for joint, pair in tried.at}
+        return {path: tried for path in (["leg"] if self.all else [f"leg.{joint}" for joint in self.joints])}
+
+    def _without_own(self, tried: Tried) -> dict[str, Any]:
         """Joints' own drives go where all joints get the same."""
         own = ((j, part) for j in self.joints for part in KINDS if getattr(self.design.leg.joint[j], part) is not None)
-        return {f"leg.{j}.{part}": None for j, part in own} if self.all else {}
+        return {f"leg.{j}.{part}": None for j, part in own} if "leg" in self._places(tried) else {}
 
 
 def _neutral(part: str, key: str, stated: Mapping[str, float]) -> float:
@@ -176,12 +236,14 @@ def _neutral(part: str, key: str, stated: Mapping[str, float]) -> float:
     return float(next(m.le for m in KINDS[part].model_fields[key].metadata if hasattr(m, "le")))
 
 
-def keys_of(chosen: Sequence[Pair], entries: Mapping[str, Entry], leg: Leg) -> dict[str, list[str]]:
+def keys_of(chosen: Sequence[Tried], entries: Mapping[str, Entry], leg: Leg) -> dict[str, list[str]]:
     """Entries of motor and gear that any of the pairs states, or the leg has; of heat only what the leg has, for each limit of
     a winding adds states to the program of all pairs."""
     found = dict[str, list[str]]()
     for part in KINDS:
-        stated = {key for pair in chosen for key in entries[getattr(pair, part)].parts[part]}
+        stated = {
+            key for tried in chosen for pair in pairs_in(tried) for key in entries[getattr(pair, part)].parts[part]
+        }
         numbers = problem_entries(part)
         present = {key for key in numbers if getattr(getattr(leg, part), key) is not None}
         found[part] = [key for key in numbers if key in (stated - set(HEAT)) | present]

@@ -23,7 +23,7 @@ from hopopt.problem.load import changed
 from hopopt.studies.choose import choice
 from hopopt.studies.choose.bound import highest
 from hopopt.studies.choose.choice import ORDERS, Candidate, Choice, first_to_verify, outcome_of
-from hopopt.studies.choose.pairs import Drives, Pair, drives, keys_of, pairs
+from hopopt.studies.choose.pairs import Drives, Pair, Tried, drives, keys_of, pairs
 from hopopt.studies.choose.push import push
 from hopopt.studies.maps.doubt import AROUND
 from hopopt.studies.maps.pieces import neighbours
@@ -43,11 +43,12 @@ def choose(
     *,
     joints: Sequence[str] | None = None,
     only: Sequence[str] | None = None,
+    tried: Sequence[Tried] | None = None,
     legs: int = 1,
     by: str = "mass",
     verify: int = 3,
     present_mass: float | None = None,
-    starts: int | None = None,
+    starts: int = 1,
     processes: int | None = None,
     scheduler: str | None = None,
     results: Path = Path("results"),
@@ -60,9 +61,10 @@ def choose(
 ) -> Choice:
     """Every pair of motor and gear that lifts the leg's lowest point by a clearance [m], sorted.
 
-    only: patterns of the names of motors and gears (None: all); joints: whose drives are chosen (None: all, with one pair); legs: of the robot, whose drives the body carries
+    only: patterns of the names of motors and gears (None: all); tried: pairs in place of all of these; joints: whose drives are chosen (None: all, with one pair); legs: of the robot, whose drives the body carries
     by: mass, price, energy or peak-power; verify: how many of the first are verified in full
     present_mass: of the present drives of one leg [kg]; entries: the catalogue, if it is another
+    starts: of each that is verified, beside the hop that it has already
     listed: told the choice when all pairs are solved and some are still to be verified; until: when nothing more may be begun
 
     UsageError for what cannot be asked. The rest as of a map.
@@ -76,7 +78,7 @@ def choose(
     if verify < 0:
         raise UsageError(f"--verify {verify}: it must be at least 0")
     chosen = drives(design, joints, legs, present_mass, known)
-    before = [_before(chosen, pair, clearance, known) for pair in pairs(known, only)]
+    before = [_before(chosen, pair, clearance, known) for pair in (pairs(known, only) if tried is None else tried)]
     left = sorted((c for c in before if not c.outcome), key=lambda c: c.mass or 0.0)
     done = tuple(c for c in before if c.outcome)
     if not left:
@@ -94,10 +96,10 @@ def choose(
     return Choice(chosen, clearance, by, (*solved, *done), folder, time.perf_counter() - began)
 
 
-def _before(chosen: Drives, pair: Pair, wish: float, entries: Mapping[str, Entry]) -> Candidate:
+def _before(chosen: Drives, pair: Tried, wish: float, entries: Mapping[str, Entry]) -> Candidate:
     """A pair with what is known of it before it is solved; its outcome is empty if it is to be solved."""
     count = len(chosen.joints) * chosen.legs
-    ratio = float(entries[pair.gear].parts["gear"]["ratio"])
+    ratio = float(entries[pair.gear].parts["gear"]["ratio"]) if isinstance(pair, Pair) else None
     price = None if pair.price is None else count * pair.price
     if pair.mass is None:
         return Candidate(pair, choice.UNWEIGHED, None, price, ratio=ratio)
@@ -114,7 +116,7 @@ def _before(chosen: Drives, pair: Pair, wish: float, entries: Mapping[str, Entry
 
 
 def _definition(
-    chosen: Drives, left: Sequence[Pair], entries: Mapping[str, Entry], starts: int | None, wish: float
+    chosen: Drives, left: Sequence[Tried], entries: Mapping[str, Entry], starts: int, wish: float
 ) -> Definition:
     """The map of these pairs: each a point, entries in which they differ its axes."""
     keys = keys_of(left, entries, chosen.design.leg)
