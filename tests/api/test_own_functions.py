@@ -16,7 +16,7 @@ from hopopt import extensions
 from hopopt.cli.main import run
 from hopopt.comparison.compare import compare
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.ocp.custom import Moment
+from hopopt.ocp.custom import Moment, custom, symbols
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.hops.several_hops import JointState, several_hops
 from hopopt.ocp.hops.shared_control import TrueLeg
@@ -92,6 +92,56 @@ def test_what_cannot_go_to_worker_processes_is_said_before_the_work() -> None:
 
     with pytest.raises(UsageError, match=r"closure cannot go to worker processes .*: give processes=1"):
         ho.sweep("paper", {"leg.gear.ratio": [70, 80]}, constraints=[closure], processes=2)
+
+
+def test_a_function_that_writes_into_its_moment_changes_nothing_for_the_others() -> None:
+    """All of a phase are given the same instant."""
+
+    def writes(now: Any) -> Any:
+        now.q[1], now.points["foot"], now.lift_off.q[1] = 0.0, None, 0.0
+        return now.lift_off.q[0]
+
+    end = symbols(2, ("foot",), True, {})
+    custom(writes)(end)
+    assert end.lift_off is not None
+    assert (str(end.q[1]), str(end.lift_off.q[1]), str(end.points["foot"])) == ("q_1", "q_1", "[foot_0, foot_1]")
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (lambda now: now.f[-1] < 400, "has no slope: return a difference"),
+        (lambda now: [400 - now.f[-1], 1.0], "has no slope"),
+        (lambda now: np.nan * now.f[-1], "is no finite number"),
+        (lambda now: ca.SX.sym("mine") - now.f[-1], "depends on mine, which is no part of the moment"),
+        (lambda now: 3.0, "does not depend on the hop"),
+        (lambda now: "400 N", "returned str: a CasADi expression"),
+    ],
+)
+def test_what_no_optimiser_can_use_is_said_in_a_sentence(function: Any, words: str) -> None:
+    """A comparison would count as kept everywhere; a number that is none ends in Ipopt."""
+    with pytest.raises(UsageError, match=words):
+        ho.program("paper", constraints=[function])
+
+
+def test_what_is_a_number_at_some_instants_alone_is_taken() -> None:
+    def roots(now: Moment) -> Any:
+        return [ca.sqrt(now.f[-1] - 100.0), ca.log(now.q[1]), ca.acos(now.q[2]), 400.0 - ca.fabs(now.tau)]
+
+    assert any("roots" in name for name in ho.program("paper", constraints=[roots]).row_names)
+
+
+def test_different_functions_of_one_name_are_refused() -> None:
+    """Only one of them would be found by it."""
+
+    def at_most(most: float) -> Any:
+        return lambda now: most - now.f[-1]
+
+    for ask in (ho.program, ho.solve):
+        with pytest.raises(UsageError, match=r"two different constraints are called .*lambda>: give each a name"):
+            ask("paper", constraints=[at_most(400.0), at_most(300.0)])
+    with pytest.raises(UsageError, match="two different constraints"):
+        ho.sweep("paper", {"leg.gear.ratio": [70, 80]}, constraints=[at_most(400.0), at_most(300.0)])
 
 
 def test_a_front_needs_an_objective_that_a_clearance_is_asked_with() -> None:

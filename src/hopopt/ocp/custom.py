@@ -23,7 +23,7 @@ from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.ocp.rules import RULES, Rule, is_rule, named_constraints
-from hopopt.user_code import last_line, load
+from hopopt.user_code import copied, expressions, fault_of, last_line, load
 
 CUSTOM_FIGURE = "user_objective"
 CUSTOM_PHASES = ("stance", "flight")
@@ -139,7 +139,7 @@ class Custom:
     def __call__(self, moment: Moment, size: int | None = None) -> ca.SX:
         """The function's value as a column; UsageError, saying what is wrong, if it gives none."""
         try:
-            value = self.function(moment)
+            value = self.function(copied(moment))
         except (Exception, SystemExit) as error:  # whatever the author's code raises
             raise UsageError(
                 f"{self.name} stopped with {type(error).__name__}: {last_line(error)}{_hint(error)}"
@@ -265,6 +265,8 @@ def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
     value = c(trial, 1 if is_objective else None)
     if not ca.symvar(value):
         raise UsageError(f"{c.name} does not depend on the hop: it returned {np.array(ca.DM(value)).ravel().tolist()}")
+    if fault := fault_of(value, list(expressions(trial))):
+        raise UsageError(f"{c.name} {fault}")
     if not set(c.terms.phases) <= set(CUSTOM_PHASES) or not c.terms.phases:
         raise UsageError(f"{c.name}: phases must be some of {', '.join(CUSTOM_PHASES)}")
     if not is_objective and np.isinf([c.terms.lower, c.terms.upper]).all():

@@ -32,14 +32,24 @@ def with_constraints(design: Design, constraints: Sequence[Function]) -> Design:
     """The problem with more path constraints of the user's own; ProblemFileError for a name that is none."""
     if not constraints:
         return design
+    _check_apart(constraints)
     names = dict.fromkeys([*(design.hop.constraints or ()), *map(name_of, constraints)])
     return changed(design, {"hop.constraints": list(names)})
 
 
 def named_apart(design: Design, constraints: Sequence[Function]) -> tuple[Design, list[Function]]:
     """The problem with those of the constraints that are given by a name of the registry, and the others."""
+    _check_apart(constraints)
     by_name = [c for c in constraints if isinstance(c, str) and ":" not in c]
     return with_constraints(design, by_name), [c for c in constraints if c not in by_name]
+
+
+def _check_apart(constraints: Sequence[Function]) -> None:
+    """UsageError for different functions of one name, of which only one could be found by it."""
+    known = dict[str, Function]()
+    for given in (c for c in constraints if callable(c)):
+        if known.setdefault(name := name_of(given), given) is not given:
+            raise UsageError(f"two different constraints are called {name}: give each a name of its own, with def")
 
 
 def check_can_be_sent(processes: int | None, *given: Any) -> None:
