@@ -16,7 +16,7 @@ from hopopt.record import adapter, as_data
 from hopopt.storage.seal.digests import seal
 from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
-from hopopt.storage.stated_figures import stated_checks
+from hopopt.storage.stated_figures import difference, stated_checks
 from once import solved_once
 
 EDITS = [  # (path of the figure, factor)
@@ -47,6 +47,13 @@ def edited(data: Any, path: str, factor: float) -> None:
         data = data[int(key) if isinstance(data, list) else key]
     assert data[last] != 0.0
     data[last] *= factor
+
+
+@pytest.mark.parametrize(("stated", "computed"), [(1.0, float("nan")), (1.0, float("inf")), (float("nan"), 1.0)])
+def test_what_is_no_number_agrees_with_no_number(stated: float, computed: float) -> None:
+    """As a difference it would be no number either, and below what is allowed."""
+    assert difference(stated, computed) == float("inf")
+    assert difference(computed, computed) == difference(stated, stated) == 0.0
 
 
 @pytest.fixture(scope="module")

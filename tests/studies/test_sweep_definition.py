@@ -1,5 +1,6 @@
 """Which points a study has, and what is reported of one that makes no sense."""
 
+import json
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.errors import ProblemFileError, ResultError, UsageError
+from hopopt.storage.seal.digests import seal
 from hopopt.studies.sweep.definition import Axis, Definition, define, parse
 from hopopt.studies.sweep.order import doubtful, sources, tree
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, VERIFIED, Point
@@ -295,3 +297,23 @@ def test_table_and_dataset_say_the_same(tmp_path: Path) -> None:
 def test_a_study_is_not_resumed_as_another(more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = open_folder(define(PAPER, {RATIO: "80,90"}), tmp_path)
     assert f"leave {more[0]} out" in refusal(["sweep", "--resume", str(folder), *more], capsys)
+
+
+def test_a_study_of_an_earlier_version_is_read_and_not_continued(tmp_path: Path) -> None:
+    """Its list has no entry of what was asked for."""
+    axis = Axis(RATIO, (), 80.0, 100.0)
+    folder = open_folder(
+        Definition(PAPER, "clearance", (axis,), listed=((80.0,), (100.0,)), preliminary=True), tmp_path
+    )
+    data = json.loads((folder / "sweep.json").read_text()) | {"hopopt": "0.0.1"}
+    del data["wish"]
+    (folder / "sweep.json").write_text(json.dumps(data))
+    seal(folder, ("sweep.json",))
+    found = read_definition(folder)
+    assert (found.listed, found.wish) == (((80.0,), (100.0,)), 0.0)
+    with pytest.raises(ResultError, match=r"it holds another study \(other hopopt\)"):
+        check_same(folder, found)
+    (folder / "sweep.json").write_text(json.dumps(data | {"seed": 7}))
+    seal(folder, ("sweep.json",))
+    with pytest.raises(ResultError, match="other seed"):
+        read_definition(folder)

@@ -6,6 +6,7 @@ meshes, times. Digests alone guard those (storage/seal/digests.py).
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
+from math import isnan
 from typing import Any
 
 from hopopt.nlp.refinement.interval_errors import IntervalErrors
@@ -91,7 +92,10 @@ def difference(stated: Any, computed: Any, least: float = LEAST_FIGURE) -> float
     numbers = [isinstance(x, int | float) and not isinstance(x, bool) for x in (stated, computed)]
     if stated == computed or not all(numbers):
         return 0.0 if stated == computed else float("inf")
-    return abs(stated - computed) / max(abs(computed), least)
+    off = abs(stated - computed) / max(abs(computed), least)
+    if isnan(off):  # one of them is no number, or infinite
+        return 0.0 if isnan(stated) and isnan(computed) else float("inf")
+    return off
 
 
 def _last_mesh(nlp: NlpSolution) -> dict[str, Any]:

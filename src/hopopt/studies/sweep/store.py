@@ -58,7 +58,7 @@ def stamp(definition: Definition) -> dict[str, Any]:
 
 
 def read_definition(folder: Path) -> Definition:
-    """The definition of the study in a folder; ResultError in a sentence if there is none."""
+    """The definition of the study in a folder, of this version or an earlier one; ResultError in a sentence if there is none."""
     try:
         data = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
         note_needed(module["module"] for module in data.get("extensions", ()))
@@ -83,7 +83,7 @@ def read_definition(folder: Path) -> Definition:
         raise ResultError(f"{folder}: no study to resume (sweep.json is missing)") from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UsageError) as error:
         raise ResultError(f"{folder}: the study cannot be read ({reason_of(error)})") from error
-    _same(folder, data, found)
+    _same(folder, {**stamp(found), **data, "hopopt": version("hopopt")}, found)  # an earlier one has fewer entries
     if wrong := [words for words in changed(folder, DEFINITION) if words.startswith(DEFINITION)]:
         raise ResultError(f"{folder}: {'; '.join(wrong)}: undo that, or begin another study")
     return found
@@ -91,8 +91,9 @@ def read_definition(folder: Path) -> Definition:
 
 def check_same(folder: Path, definition: Definition) -> None:
     """ResultError, naming what differs, unless the folder holds this very study."""
-    _same(folder, stamp(read_definition(folder)), definition)
-    if wrong := stored_doubts(json.loads((folder / "sweep.json").read_text(encoding="utf-8"))):
+    found, data = read_definition(folder), json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
+    _same(folder, {**stamp(found), "hopopt": data["hopopt"]}, definition)
+    if wrong := stored_doubts(data):
         raise ResultError(f"{folder}: {'; '.join(wrong)}: its points would not belong together; begin another study")
 
 
