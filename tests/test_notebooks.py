@@ -80,6 +80,7 @@ STUDIES = (
     "04",
     "06",
     "07",
+    "08",
     "09",
 )  # what they run is tried by the tests of comparisons, sweeps, co-design, hops after each other and robust plans
 RUNS = [  # the longest first, beside the others

@@ -21,6 +21,8 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.hops.several_hops import JointState, several_hops
 from hopopt.ocp.hops.shared_control import TrueLeg
 from hopopt.ocp.rules import RULES
+from hopopt.planner.reserve import reserved
+from hopopt.planner.search.from_known import solved_from_known
 from hopopt.problem.own import with_constraints
 from hopopt.studies.pareto.front import FrontPoint, read_front
 from once import solved_once
@@ -249,3 +251,13 @@ def test_a_study_of_ones_own_is_stored_and_read_elsewhere(tmp_path: Path, monkey
     assert with_constraints(ho.load("leg.toml"), ["ours_studied:soft"]).needs == ("ours_studied",)
     (recorded,) = json.loads((Path(folder) / "sweep.json").read_text())["extensions"]
     assert recorded["digest"] == extensions.digest_of("ours_studied")  # that module is imported here by now
+
+
+@pytest.mark.slow
+def test_a_plan_that_drawn_legs_track_keeps_it() -> None:
+    """The plan with a reserve, as the search of a robust hop makes it; without the limit it pushes harder."""
+    free, held = solved_once({}), solved_once(MOST | {"hop.constraints": ["soft"]})
+    plans = [solved_from_known(Hop(reserved(hop.design)), hop) for hop in (free, held)]
+    assert all(plan.verified for plan in plans)
+    assert plans[1].summary.check("stance soft").passed
+    assert plans[1].summary.peak_vertical_force_N <= 400 * (1 + 1e-3) < plans[0].summary.peak_vertical_force_N
