@@ -163,6 +163,10 @@ def function(name: str) -> Callable[..., Any]:
 def _function(name: str) -> Callable[..., Any] | None:
     module, _, attribute = name.partition(":")
     found = _functions.get(name) or getattr(_loaded.get(module), attribute, None)
+    marked = getattr(
+        sys.modules.get(module), attribute, None
+    )  # of one that Python imported, what says that it is for this
+    found = found or (marked if hasattr(marked, "hopopt_terms") else None)
     return found if callable(found) else None
 
 

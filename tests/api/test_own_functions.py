@@ -1,5 +1,6 @@
 """Functions and numbers of a user's own in solves and studies: by name in every process, stored, and read elsewhere."""
 
+import importlib
 import json
 import subprocess
 import sys
@@ -261,3 +262,17 @@ def test_a_plan_that_drawn_legs_track_keeps_it() -> None:
     assert all(plan.verified for plan in plans)
     assert plans[1].summary.check("stance soft").passed
     assert plans[1].summary.peak_vertical_force_N <= 400 * (1 + 1e-3) < plans[0].summary.peak_vertical_force_N
+
+
+def test_a_marked_function_of_an_imported_module_is_found_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "ours_imported.py").write_text(MODULE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(UsageError, match="ours_imported"):
+        extensions.function("ours_imported:soft")  # nothing is imported for a name
+    importlib.import_module("ours_imported")
+    assert extensions.function("ours_imported:soft").__name__ == "soft"
+    for name in ("os:system", "ours_imported:ca"):
+        with pytest.raises(UsageError):
+            extensions.function(name)
