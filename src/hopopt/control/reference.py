@@ -40,7 +40,7 @@ class PhaseReference:
         begin, end = min(max(begin, 0.0), self.duration), min(max(end, 0.0), self.duration)
         if end - begin < 1e-9:
             return self.at(begin)[2]
-        mean: np.ndarray = _mean(begin, end, *self.impulses)
+        mean: np.ndarray = mean_between(begin, end, *self.impulses)
         return mean
 
     @cached_property
@@ -98,7 +98,7 @@ def _interpolated(
 
 
 @kernel
-def _mean(begin: float, end: float, times: np.ndarray, integrals: np.ndarray) -> np.ndarray:
+def mean_between(begin: float, end: float, times: np.ndarray, integrals: np.ndarray) -> np.ndarray:
     """Mean from begin to end of what has these integrals (k, n) until these times (k), linear in between, (n)."""
     n, found = integrals.shape[1], np.zeros(integrals.shape[1])
     for sign, t in ((1.0, end), (-1.0, begin)):

@@ -14,32 +14,35 @@ typedef HOPOPT_REAL hopopt_real;
 
 #define HOPOPT_STATES (2 * HOPOPT_JOINTS)
 
-/* A planned phase: at HOPOPT_PLACES places of every interval the time since the phase began [s]; joint angles [rad],
-   speeds [rad/s], torques [N m] and their integrals since then [N m s]. At the knots, some of the control
-   periods, the error's change by itself (A) and by torque (B), the feedback (K) and the filter (L), matrices row by row; in
+/* A planned phase: at HOPOPT_TIMES places of every interval the time since the phase began [s], and the integrals of the
+   joint torques since then [N m s]; at HOPOPT_PLACES places joint angles [rad] and speeds [rad/s]; the torques [N m] with
+   which it begins and ends. At the knots, some of the control periods, the error's change by itself (A) and by torque (B), the feedback (K) and the filter (L), matrices row by row; in
    between they change linearly. */
 typedef struct {
     int intervals, knots;
     const unsigned short *knot;
-    const hopopt_real *t, *q, *v, *tau, *impulse, *A, *B, *K, *L;
+    const hopopt_real *t, *impulse, *q, *v, *begins, *ends, *A, *B, *K, *L;
 } hopopt_phase;
 
 static const hopopt_phase hopopt_stance = {
-    HOPOPT_STANCE_INTERVALS, HOPOPT_STANCE_KNOTS, hopopt_stance_knot, hopopt_stance_t, hopopt_stance_q, hopopt_stance_v,
-    hopopt_stance_tau, hopopt_stance_impulse, hopopt_stance_A, hopopt_stance_B, hopopt_stance_K, hopopt_stance_L};
+    HOPOPT_STANCE_INTERVALS, HOPOPT_STANCE_KNOTS, hopopt_stance_knot, hopopt_stance_t, hopopt_stance_impulse,
+    hopopt_stance_q, hopopt_stance_v, hopopt_stance_begins, hopopt_stance_ends, hopopt_stance_A, hopopt_stance_B, hopopt_stance_K, hopopt_stance_L};
 static const hopopt_phase hopopt_flight = {
-    HOPOPT_FLIGHT_INTERVALS, HOPOPT_FLIGHT_KNOTS, hopopt_flight_knot, hopopt_flight_t, hopopt_flight_q, hopopt_flight_v,
-    hopopt_flight_tau, hopopt_flight_impulse, hopopt_flight_A, hopopt_flight_B, hopopt_flight_K, hopopt_flight_L};
+    HOPOPT_FLIGHT_INTERVALS, HOPOPT_FLIGHT_KNOTS, hopopt_flight_knot, hopopt_flight_t, hopopt_flight_impulse,
+    hopopt_flight_q, hopopt_flight_v, hopopt_flight_begins, hopopt_flight_ends, hopopt_flight_A, hopopt_flight_B, hopopt_flight_K, hopopt_flight_L};
 
-/* What the tracker remembers between two calls; all zeros before a hop: hopopt_reset. */
+/* What the tracker remembers between two calls; hopopt_reset makes it as it is before a hop. */
 typedef struct {
     int known, contact, lost, early;
-    hopopt_real t, error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS], given[HOPOPT_JOINTS];
+    hopopt_real t, began, error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS], given[HOPOPT_JOINTS];
 } hopopt_tracker;
 
-static inline void hopopt_reset(hopopt_tracker *s) { memset(s, 0, sizeof *s); }
+static inline void hopopt_reset(hopopt_tracker *s) {
+    memset(s, 0, sizeof *s);
+    s->began = -INFINITY;
+}
 
-static inline hopopt_real hopopt_duration(const hopopt_phase *p) { return p->t[p->intervals * HOPOPT_PLACES - 1]; }
+static inline hopopt_real hopopt_duration(const hopopt_phase *p) { return p->t[p->intervals * HOPOPT_TIMES - 1]; }
 
 static inline hopopt_real hopopt_within(hopopt_real x, hopopt_real low, hopopt_real high) { return x < low ? low : x > high ? high : x; }
 
@@ -53,11 +56,11 @@ static inline int hopopt_find(const hopopt_real *t, int count, int stride, hopop
     return low;
 }
 
-/* q, v, tau of a phase at t [s] since it began, clipped to it: the polynomial through the places of an interval. */
-static inline void hopopt_at(const hopopt_phase *p, hopopt_real t, hopopt_real *q, hopopt_real *v, hopopt_real *tau) {
+/* q, v of a phase at t [s] since it began, clipped to it: the polynomial through the places of an interval. */
+static inline void hopopt_at(const hopopt_phase *p, hopopt_real t, hopopt_real *q, hopopt_real *v) {
     t = hopopt_within(t, HOPOPT_R(0.0), hopopt_duration(p));
-    const int k = hopopt_find(p->t, p->intervals, HOPOPT_PLACES, t + HOPOPT_EDGE), at = k * HOPOPT_PLACES;
-    const hopopt_real place = (t - p->t[at]) / (p->t[at + HOPOPT_PLACES - 1] - p->t[at]);
+    const int k = hopopt_find(p->t, p->intervals, HOPOPT_TIMES, t + HOPOPT_EDGE), at = k * HOPOPT_TIMES;
+    const hopopt_real place = (t - p->t[at]) / (p->t[at + HOPOPT_TIMES - 1] - p->t[at]);
     hopopt_real weight[HOPOPT_PLACES], sum = HOPOPT_R(0.0);
     for (int i = 0; i < HOPOPT_PLACES; i++) {
         const hopopt_real gap = place - hopopt_places[i];
@@ -69,12 +72,11 @@ static inline void hopopt_at(const hopopt_phase *p, hopopt_real t, hopopt_real *
         sum += weight[i] = hopopt_weights[i] / gap;
     }
     for (int j = 0; j < HOPOPT_JOINTS; j++) {
-        q[j] = v[j] = tau[j] = HOPOPT_R(0.0);
+        q[j] = v[j] = HOPOPT_R(0.0);
         for (int i = 0; i < HOPOPT_PLACES; i++) {
-            const int from = (at + i) * HOPOPT_JOINTS + j;
+            const int from = (k * HOPOPT_PLACES + i) * HOPOPT_JOINTS + j;
             q[j] += weight[i] / sum * p->q[from];
             v[j] += weight[i] / sum * p->v[from];
-            tau[j] += weight[i] / sum * p->tau[from];
         }
     }
 }
@@ -82,7 +84,7 @@ static inline void hopopt_at(const hopopt_phase *p, hopopt_real t, hopopt_real *
 /* Integral of a joint's planned torque from the phase's beginning to t [s]. Over the last short span of a phase its
    rounding counts: the operations and their order are those of the Python tracker. */
 static inline hopopt_real hopopt_impulse(const hopopt_phase *p, hopopt_real t, int joint) {
-    const int last = p->intervals * HOPOPT_PLACES - 1;
+    const int last = p->intervals * HOPOPT_TIMES - 1;
     const int k = hopopt_find(p->t, last + 1, 1, t), next = k < last ? k + 1 : last;
     const hopopt_real here = p->impulse[k * HOPOPT_JOINTS + joint], there = p->impulse[next * HOPOPT_JOINTS + joint];
     const hopopt_real span = p->t[next] - p->t[k];
@@ -93,11 +95,11 @@ static inline hopopt_real hopopt_impulse(const hopopt_phase *p, hopopt_real t, i
 static inline void hopopt_planned(const hopopt_phase *p, hopopt_real since, hopopt_real *q, hopopt_real *v, hopopt_real *tau) {
     const hopopt_real end = hopopt_duration(p), from = hopopt_within(since, HOPOPT_R(0.0), end);
     const hopopt_real to = hopopt_within(since + HOPOPT_PERIOD, HOPOPT_R(0.0), end);
-    hopopt_at(p, since, q, v, tau);
+    hopopt_at(p, since, q, v);
     for (int j = 0; j < HOPOPT_JOINTS; j++) {
         if (since > end) v[j] = tau[j] = HOPOPT_R(0.0);
-        else if (to - from >= HOPOPT_EDGE)
-            tau[j] = (hopopt_impulse(p, to, j) - hopopt_impulse(p, from, j)) / (to - from);
+        else if (to - from >= HOPOPT_EDGE) tau[j] = (hopopt_impulse(p, to, j) - hopopt_impulse(p, from, j)) / (to - from);
+        else tau[j] = p->ends[j];
     }
 }
 
@@ -139,9 +141,9 @@ static inline hopopt_real hopopt_needed(int joint, hopopt_real w, hopopt_real ta
 
 /* What spins the rotors up over the next period (n) [N m]: it never passes the gears' teeth. */
 static inline void hopopt_spun(const hopopt_phase *p, hopopt_real since, hopopt_real *spun) {
-    hopopt_real q[HOPOPT_JOINTS], now[HOPOPT_JOINTS], then[HOPOPT_JOINTS], tau[HOPOPT_JOINTS];
-    hopopt_at(p, since, q, now, tau);
-    hopopt_at(p, since + HOPOPT_PERIOD, q, then, tau);
+    hopopt_real q[HOPOPT_JOINTS], now[HOPOPT_JOINTS], then[HOPOPT_JOINTS];
+    hopopt_at(p, since, q, now);
+    hopopt_at(p, since + HOPOPT_PERIOD, q, then);
     for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] = hopopt_rotor[j] * ((then[j] - now[j]) / HOPOPT_PERIOD);
 }
 
@@ -172,11 +174,11 @@ static inline void hopopt_let_go(const hopopt_tracker *s, hopopt_real t, hopopt_
                                  hopopt_real *error) {
     const int n = HOPOPT_JOINTS;
     const hopopt_real until = hopopt_within(since, HOPOPT_R(0.0), hopopt_duration(&hopopt_flight));
-    hopopt_real left_q[HOPOPT_JOINTS], left_v[HOPOPT_JOINTS], left_tau[HOPOPT_JOINTS];
-    hopopt_real first_q[HOPOPT_JOINTS], first_v[HOPOPT_JOINTS], mean[HOPOPT_JOINTS], held[HOPOPT_JOINTS];
-    hopopt_at(&hopopt_stance, t - since, left_q, left_v, left_tau);
-    hopopt_at(&hopopt_flight, HOPOPT_R(0.0), first_q, first_v, mean);
+    hopopt_real left_q[HOPOPT_JOINTS], left_v[HOPOPT_JOINTS], first_q[HOPOPT_JOINTS], first_v[HOPOPT_JOINTS], mean[HOPOPT_JOINTS], held[HOPOPT_JOINTS];
+    hopopt_at(&hopopt_stance, t - since - s->began, left_q, left_v);
+    hopopt_at(&hopopt_flight, HOPOPT_R(0.0), first_q, first_v);
     for (int j = 0; j < n; j++) {
+        mean[j] = hopopt_flight.begins[j];
         if (until >= HOPOPT_EDGE)
             mean[j] = (hopopt_impulse(&hopopt_flight, until, j) - hopopt_impulse(&hopopt_flight, HOPOPT_R(0.0), j)) / until;
         held[j] = (s->given[j] - mean[j]) * (since / HOPOPT_PERIOD);
@@ -189,26 +191,30 @@ static inline void hopopt_let_go(const hopopt_tracker *s, hopopt_real t, hopopt_
 
 /* Joint torques tau [N m] to ask of the drives for the next period.
 
-   t: since the hop began [s]          q, v: measured joint angles [rad] and speeds [rad/s]; the filter uses q alone
+   t: since the first hop began [s]    q, v: measured joint angles [rad] and speeds [rad/s]; the filter uses q alone
    contact: whether the foot is on the ground        since: how long it has been on it, or off it [s]
-   landings: how often it has landed; from the first on the leg stands as at the start */
+   landings: how often it has landed; from the first on the leg stands as at the start, or hops on if the plan repeats. Then t
+   may begin anew with hopopt_reset at a touchdown, landings 0, so that it stays small for its single precision */
 static inline void hopopt_torque(hopopt_tracker *s, hopopt_real t, const hopopt_real *q, const hopopt_real *v, int contact,
                                  hopopt_real since, int landings, hopopt_real *tau) {
     const int n = HOPOPT_JOINTS, m = HOPOPT_STATES;
     const hopopt_real stance = hopopt_duration(&hopopt_stance);
     hopopt_real planned_q[HOPOPT_JOINTS], planned_v[HOPOPT_JOINTS], planned_tau[HOPOPT_JOINTS], spun[HOPOPT_JOINTS];
     contact = contact != 0;
-    if (contact && landings) {
+    const int over = landings && !HOPOPT_REPEATS;
+    if (contact && over) {
         for (int j = 0; j < n; j++) tau[j] = HOPOPT_K_P * (hopopt_rest[j] - q[j]) - HOPOPT_K_D * v[j];
         return;
     }
-    if (!landings) { /* a foot that comes off long before the planned lift-off has bounced: stance goes on */
-        if (contact) s->lost = 0;
-        else if (!s->lost) s->lost = 1, s->early = t < HOPOPT_EARLY * stance;
-        if (contact || (s->early && t < stance)) contact = 1, since = t;
+    if (!over) { /* a foot that comes off long before the planned lift-off has bounced: stance goes on */
+        if (contact) s->lost = 0, s->began = t - since;
+        const hopopt_real lasted = t - s->began;
+        if (!contact && !s->lost) s->lost = 1, s->early = lasted < HOPOPT_EARLY * stance;
+        if (contact || (s->early && lasted < stance)) contact = 1, since = lasted;
     }
     if (contact && since > HOPOPT_ENDS) {
-        hopopt_at(&hopopt_flight, HOPOPT_R(0.0), planned_q, planned_v, s->given);
+        hopopt_at(&hopopt_flight, HOPOPT_R(0.0), planned_q, planned_v);
+        memcpy(s->given, hopopt_flight.begins, sizeof s->given);
         hopopt_spun(&hopopt_flight, HOPOPT_R(0.0), spun);
         for (int j = 0; j < n; j++) tau[j] = hopopt_needed(j, planned_v[j], s->given[j], spun[j]);
         return;
