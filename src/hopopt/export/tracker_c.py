@@ -68,12 +68,11 @@ def header(tracker: Track, problem: str, joints: Sequence[str], tolerance: float
 def fitting(tracker: Track) -> "Tables":
     """The most exact tables that take MOST_BYTES at most; UsageError if there are none."""
     places = next(n for n in PLACES if Tables(tracker, TOLERANCES[0], n).torque_error <= UNMOVED)
-    for tolerance in TOLERANCES:
-        found = Tables(tracker, tolerance, places)
-        if (size := constants_bytes(found.code)) <= MOST_BYTES:
-            return found
+    tried = [Tables(tracker, tolerance, places) for tolerance in TOLERANCES]
+    if fits := next((found for found in tried if constants_bytes(found.code) <= MOST_BYTES), None):
+        return fits
     raise UsageError(
-        f"the tracker in C takes at least {size / 1000:.0f} kB of constants, more than the {MOST_BYTES / 1000:.0f} kB that a "
+        f"the tracker in C takes at least {constants_bytes(tried[-1].code) / 1000:.0f} kB of constants, more than the {MOST_BYTES / 1000:.0f} kB that a "
         "drive has room for: solve with a greater solver.tolerance, which leads to fewer intervals"
     )
 
