@@ -213,3 +213,11 @@ def test_a_solve_that_never_settles_counts_by_its_best_iterate_and_a_hopeless_on
     began = time.process_time()
     assert choose(load("paper"), 0.5, only=only, entries=entries, **settings).candidates[0].outcome == NOT_SOLVED
     assert time.process_time() - began < 10
+
+
+def test_a_body_that_would_weigh_nothing_is_told_in_a_sentence() -> None:
+    found = choose(load("paper"), 0.3, only=["mini-cheetah"], legs=4).candidates[0]
+    assert found.outcome == NOT_SOLVED
+    assert (
+        "is less than the 17.7 kg of all legs' present drives, which it counts: give --present-mass" in found.sentence
+    )

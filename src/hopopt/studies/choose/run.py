@@ -34,6 +34,7 @@ from hopopt.studies.sweep.definition import Axis, Definition
 Say = Callable[[str], None]
 HOPELESS = 0.7  # share of the torques that hold the start pose, below which no drive was seen to hop (benchmarks/choose_pairs.py)
 NOT_BEGUN = "the time limit was reached before it"
+TOO_MUCH_OFF = "leg.body.mass = {:g} kg is less than the {:.3g} kg of all legs' present drives, which it counts: give --present-mass"
 NEARLY = 0.15  # share of the clearance by which a pair may miss it and be solved again from pairs like it
 
 
@@ -104,6 +105,13 @@ def _before(chosen: Drives, pair: Tried, wish: float, entries: Mapping[str, Entr
     if pair.mass is None:
         return Candidate(pair, choice.UNWEIGHED, None, price, ratio=ratio)
     found = Candidate(pair, "", count * pair.mass, price, chosen.design.leg.body.mass + chosen.added(pair), ratio=ratio)
+    if (found.body_mass or 0.0) <= 0:
+        return replace(
+            found,
+            body_mass=None,
+            outcome=choice.NOT_SOLVED,
+            sentence=TOO_MUCH_OFF.format(chosen.design.leg.body.mass, chosen.legs * chosen.present),
+        )
     try:
         design = changed(chosen.design, chosen.named(pair))
     except ProblemFileError as error:
