@@ -127,6 +127,10 @@ def test_a_family_is_followed_again_once_it_may_have_caught_up() -> None:
     far = Carried(np.zeros(1), np.zeros(1), np.zeros(1), 0.1, np.array([0.2, 0.5]))
     assert not far.may_be_best(np.array([0.4, 0.6]))
     assert far.may_be_best(np.array([0.5, 0.8]))
+    failed = far.left(np.array([0.5, 0.8]))  # it was tried there, and led to no hop
+    assert not failed.may_be_best(np.array([0.6, 0.9]))
+    assert failed.may_be_best(np.array([0.8, 1.0]))
+    assert far.left(np.array([0.4, 0.6])) is far  # it was not tried there
 
 
 def test_who_is_next_to_a_family_that_was_never_followed_there_is_doubted() -> None:

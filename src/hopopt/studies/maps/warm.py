@@ -62,7 +62,7 @@ class Carried:
 
     x: variables [SI]; lam_g, lam_x: multipliers
     gap: how far its objective was below the best there, as a share of that
-    at: the place in the map, every axis from 0 to 1
+    at: the place in the map, every axis from 0 to 1: where it was solved, or led to no hop since then
     """
 
     x: np.ndarray
@@ -70,6 +70,10 @@ class Carried:
     lam_x: np.ndarray
     gap: float
     at: np.ndarray
+
+    def left(self, place: np.ndarray) -> "Carried":
+        """The same at a place where it led to no hop, or was not tried: next it is tried only as far from there again."""
+        return replace(self, at=place) if self.may_be_best(place) else self
 
     def may_be_best(self, place: np.ndarray) -> bool:
         """Whether its family may have caught up at another place."""
@@ -104,7 +108,7 @@ def solved_with(
         ), families
     distinct = _distinct(hop, t, found)
     best = next(iter(distinct))
-    kept = {f: c for f, c in families.items() if f not in found and f != RESTART}
+    kept = {f: c.left(place) for f, c in families.items() if f not in found and f != RESTART}
     top = hop.objective.signed_value(distinct[best].value)
     for family, s in distinct.items():
         gap = (top - hop.objective.signed_value(s.value)) / max(abs(top), s.least)
