@@ -217,19 +217,22 @@ def simulated_hop(
 
 def _simulated(machine: Machine, drives: Drives, plan: Table, state: LegState, contact: bool) -> tuple[Table, LegState]:
     """One phase from ``state``: its table, and the state in which it ends."""
-    rows: list[tuple[np.ndarray, ...]] = []
+    rows, unit = list[tuple[np.ndarray, ...]](), Scale.of(machine.leg).time
     for k in range(len(plan.t)):
-        torque = _law(machine, drives.clamp, plan.q[k], plan.v[k], plan.asked[k], contact)
-        rows.append(_interval(machine, drives, torque, plan.t[k], state, contact, plan.asked_rate[k]))
+        torque = _law(machine, drives.clamp, plan.q[k], plan.v[k], plan.asked[k], contact, unit)
+        rows.append(_interval(machine, drives, torque, plan.t[k], state, contact, plan.asked_rate[k], FOLLOWS * unit))
         state = rows[-1][0][-1], rows[-1][1][-1], rows[-1][-1][-1]
     q, v, a, tau, f, motor, _ = (np.array(part) for part in zip(*rows, strict=True))
     return Table(plan.t, q, v, a, tau, f, motor if drives.gear else None), state
 
 
-def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
-    """The plan's torque in one interval (values at NORMALISED_TIMES), kept to its motion by feedback and within the regions."""
+def _law(
+    machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool, unit: float
+) -> Law:
+    """The plan's torque in one interval (values at NORMALISED_TIMES), kept to its motion by feedback and within the regions; ``unit``
+    of time [s]."""
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
-    rate = FEEDBACK_RATE / Scale.of(machine.leg).time
+    rate = FEEDBACK_RATE / unit
     stiffness, damping = rate**2 * inertia, 2 * rate * inertia
     ahead = (TO_POWERS @ (tau + q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T)).T
 
@@ -246,10 +249,17 @@ def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
 
 
 def _interval(
-    machine: Machine, drives: Drives, torque: Law, t: np.ndarray, state: LegState, contact: bool, rate: np.ndarray
+    machine: Machine,
+    drives: Drives,
+    torque: Law,
+    t: np.ndarray,
+    state: LegState,
+    contact: bool,
+    rate: np.ndarray,
+    lag: float,
 ) -> tuple[np.ndarray, ...]:
     """q, v, a, tau, f and the motors' torques at NORMALISED_TIMES of one interval, integrated tightly, and the torques whose
-    rate is limited; rate (K, n) [N m/s]: of the plan's torques."""
+    rate is limited; rate (K, n) [N m/s]: of the plan's torques; lag [s]: within which these follow them."""
     first, h, limited = (BASE if contact else 0), t[-1] - t[0], list(drives.states.limited)
     m, ahead = len(state[0]) - first, (TO_POWERS @ rate[:, limited]).T
 
@@ -270,12 +280,13 @@ def _interval(
 
     def rates(place: float, x: np.ndarray) -> np.ndarray:
         _, v, a, *_, toward = motion(place, x)
+        if not limited:
+            return h * np.concatenate([v[first:], a[first:]])
         changing = ahead @ (2 * place - 1) ** POWERS + toward / lag
-        if limited:
-            changing = np.clip(changing, *drives.states.bounds(x[2 * m :], v[BASE:]))
-        return h * np.concatenate([v[first:], a[first:], changing])
+        return h * np.concatenate(
+            [v[first:], a[first:], np.clip(changing, *drives.states.bounds(x[2 * m :], v[BASE:]))]
+        )
 
-    lag = FOLLOWS * Scale.of(machine.leg).time
     x0 = np.concatenate([state[0][first:], state[1][first:], state[2]])
     run = solve_ivp(
         rates, (0.0, 1.0), x0, "DOP853", t_eval=NORMALISED_TIMES, rtol=RELATIVE, atol=ABSOLUTE, first_step=1.0
