@@ -77,6 +77,7 @@ COMING: set[str] = set()  # packages with a row that need not be there
 LATE = {  # where hopopt is imported inside functions: what it costs (python -X importtime) where it is not used
     "__init__.py": "what is used first decides what is imported: all of it takes 1 s",
     "api/": "figures need matplotlib (0.4 s), a robot's data scipy.stats (0.3 s)",
+    "cli/answer/show.py": "a problem needs nothing of what a stored answer is made of: 0.4 s",
     "cli/answer/solve.py": "what is drawn, simulated or reported when the answer is there, and co-design: 1 s together",
     "cli/main.py": "the words of an OSError, and modules of a user's own, need numpy and pydantic (0.3 s); hopopt --help needs neither",
     "comparison/compare.py": "tuning needs joblib (0.07 s)",

@@ -1,28 +1,20 @@
 """The command that prints a stored answer, or a problem: show."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any
 
 from rich.table import Column
 
-from hopopt import extensions
-from hopopt.cli.options import AsJson, Overrides, ended, note
-from hopopt.cli.screen import hops, runs
+from hopopt.cli.options import AsJson, Overrides, ended
 from hopopt.cli.screen.console import Shown, figures, named, table
-from hopopt.cli.screen.details import answer
-from hopopt.cli.screen.studies import of_front, of_sweep
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.derived import LegFigures, derived
 from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import as_json, load, rows
 from hopopt.storage.folder import fitting
-from hopopt.storage.runs import read_data
-from hopopt.storage.solution import read, stated
-from hopopt.studies.pareto.front import read_front
-from hopopt.studies.sweep.run import is_study, study_in
 
 
 def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
@@ -43,28 +35,11 @@ def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) 
         return ended(data, json_, [*_problem(design), *_derived(found, far)])
     if set_:
         raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
+    from hopopt.cli.answer.stored import stored
+
     with fitting(Path(what)):
-        if (study := _study(Path(what))) is not None:
-            for words in extensions.stored_doubts(study[0]):
-                note(words)
-            return ended(study[0], json_, study[1])
-        solution = read(what)
-        return ended(stated(solution.shown), json_, answer(solution, all_of_it=True))
-
-
-def _study(folder: Path) -> tuple[Mapping[str, Any], Iterable[Shown]] | None:
-    """A sweep, a front or a comparison as it was stored, and its table; None of a folder that holds none."""
-    if is_study(folder):
-        found = study_in(folder)
-        return found.as_dict(), of_sweep(found)
-    if (folder / "front.json").is_file():
-        front = read_front(folder)
-        return front.as_dict(), of_front(front)
-    for what, table_of in (("comparison", runs.comparison), ("hops", hops.hops)):
-        if (folder / f"{what}.json").is_file():
-            data = {**read_data(folder, what)[1], "result_dir": str(folder)}
-            return data, table_of(data)
-    return None
+        data, words = stored(Path(what))
+        return ended(data, json_, words)
 
 
 def _problem(design: Design) -> Iterator[Shown]:
