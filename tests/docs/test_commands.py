@@ -113,11 +113,11 @@ def test_every_command_runs(
             capfd.readouterr()
             continue
         if (
-            words[0] in ("new", "log", "identify", "view", "choose")
+            words[0] in ("new", "log", "identify", "view", "explore", "choose")
             or {"obstacle", "--cross-check"} & {*words}
             or (words[0] == "compare" and "periodic" in words)
         ):
-            continue  # done already, or expensive, or of a file that is not there, and tried elsewhere; a view never ends
+            continue  # done already, or expensive, or of a file that is not there, and tried elsewhere; a view or a live page never ends
         for option, module in NEEDS.items():
             if option in words:
                 pytest.importorskip(module)
