@@ -81,7 +81,7 @@ def test_every_result_is_drawn_by_name(kind: type) -> None:
     assert name.default is None
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_type_checker_knows_what_methods_return(hop: ho.Solution, comparison: ho.Comparison) -> None:
     """pyright reads this test too."""
     assert_type(hop.compare("force"), ho.Comparison)

@@ -179,7 +179,7 @@ def test_a_stored_front_is_read_without_its_module(tmp_path: Path, hop: ho.Solut
     assert run(["show", str(tmp_path)]) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_limits_own_number_has_the_derivative_that_solving_again_gives() -> None:
     named = {"hop.constraints": ["soft"]}
     low, at, high = (solved_once(MOST | named | {"parameters.most.value": most}) for most in (390.0, 400.0, 410.0))
@@ -223,7 +223,7 @@ def test_other_hops_keep_it(kind: str) -> None:
     assert found.summary.check("stance soft").passed
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_study_of_ones_own_is_stored_and_read_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each command in a process of its own, the study's points in two more."""
     (tmp_path / "ours_studied.py").write_text(MODULE)

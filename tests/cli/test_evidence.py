@@ -92,7 +92,7 @@ def test_summary_holds_bound_reduced_hop_and_families(study: Path) -> None:
     assert not data["best"]["verified"]
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_resume_computes_only_what_is_missing(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = {path: path.stat().st_mtime_ns for path in (study / "starts").iterdir()}
     lost = study / "starts" / "0001.json"
@@ -161,7 +161,7 @@ def test_what_the_global_method_finds_more_counts(monkeypatch: pytest.MonkeyPatc
     assert not json.loads(next((tmp_path / "coarse").glob("*/summary.json")).read_text())["contradicted"]
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_leg_without_a_reduced_hop_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cli.run(["evidence", "three_joint", *SETTINGS, "--starts", "1", "--processes", "1", "--results", str(tmp_path)])
     assert "left out: three_joint: the reduced hop needs a leg of two joints" in capsys.readouterr().out

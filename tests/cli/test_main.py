@@ -354,7 +354,7 @@ def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.M
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_readme_commands_about_costs(tmp_path: Path) -> None:
     for line in readme_block("sh", "hopopt pareto").splitlines():
         command = line.split("#")[0].replace("--points 4 --starts 2", "--points 3").split()

@@ -73,7 +73,7 @@ def test_a_codesign_is_no_worse_than_what_was_given() -> None:
     assert again.clearance == pytest.approx(found.clearance, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_front_ends_at_the_highest_hop() -> None:
     """Where it begins the leg still hops."""
     found = front(load("paper", PERIODIC), "peak_force", points=3, starts=1, processes=1)

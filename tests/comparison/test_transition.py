@@ -129,7 +129,7 @@ def test_a_start_on_the_orbit_does_no_worse_in_one_hop() -> None:
     assert highest.objective > orbit().clearance - 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_from_one_orbit_to_another_and_back() -> None:
     low = solved_once({**ROUGH, "hop.clearance": 0.3}, "peak_force")
     for begin, end in ((low, orbit()), (orbit(), low)):

@@ -160,7 +160,7 @@ def hops_on(run: Run, hops: int) -> None:
     assert np.abs(lean[trace.contact]).max() < 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_force_control_hops_twenty_times(paper: Design) -> None:
     """With 14-bit encoders at 4 kHz."""
     assert (paper.simulation.encoder_bits, paper.simulation.control_rate) == (14, 4000)

@@ -59,8 +59,15 @@ def at(data: Any, path: str) -> float:
     return float(data)
 
 
+DEAR = ("periodic",)  # pages of which a command takes half a minute
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("page", "words", "command", "path"), STATED, ids=lambda x: x if isinstance(x, str) else "")
+@pytest.mark.parametrize(
+    ("page", "words", "command", "path"),
+    [pytest.param(*row, marks=[pytest.mark.rarely] if row[0] in DEAR else []) for row in STATED],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
 def test_a_stated_figure_is_that_of_its_command(
     page: str,
     words: str,

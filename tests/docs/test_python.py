@@ -45,7 +45,7 @@ def test_every_method_has_a_line() -> None:
         assert all(hasattr(kind, name) or name in kind.__dataclass_fields__ for name in told), kind.__name__
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_every_block_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In one program, in an empty folder; no old name is in it, for a warning is a fault here."""
     monkeypatch.chdir(tmp_path)

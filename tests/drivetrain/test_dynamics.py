@@ -55,7 +55,7 @@ def test_what_the_drives_of_a_leg_add() -> None:
     assert added.at_rest([1.0, 2.0]) == [2.0]
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_its_hop_is_verified_and_obeys_the_law(lagging: Solution) -> None:
     """Recomputed from the table: tau' LAG + tau is the command, which is within the operating region. It may clear more than
     a prompt drive's 0.799 m: the torque outlasts the command when the knee turns fast."""

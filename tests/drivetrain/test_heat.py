@@ -180,7 +180,7 @@ def test_hopping_on_for_ever_heats_the_windings_to_their_limit(for_ever: Solutio
         assert 25.0 + found.cycle.after(1_000_000)[0] <= LIMIT + 1e-2
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_less_time_to_cool_and_lower_limits_cost_height(for_ever: Solution) -> None:
     free = solve(load("paper", THERMAL), starts=1).clearance
     cooler = solve(load("paper", {**THERMAL, "leg.motor.winding_limit": 90.0, "hop.pause": PAUSE}), starts=1).clearance

@@ -186,7 +186,7 @@ def test_clearance_falls_with_the_power(capped: Solution) -> None:
     assert all(a > b + 1e-3 for a, b in pairwise([found[0], capped.clearance, found[1]]))
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_optimum_by_the_datasheet_is_that_of_the_torque_and_speed_it_implies() -> None:
     by_datasheet, stated = (solve(load("paper", x), starts=1).clearance for x in (DATASHEET, STATED))
     assert by_datasheet == pytest.approx(stated, abs=1e-9)

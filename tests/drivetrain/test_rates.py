@@ -158,7 +158,7 @@ def test_what_inductance_lacks_is_told() -> None:
         load("paper", {**INDUCTIVE, "supply": {"voltage": 48.0, "internal_resistance": 0.1}})
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_hop_with_inductance_keeps_its_voltage() -> None:
     plan = solved_once({**INDUCTIVE, "hop.stance_duration": [0.03, 0.2]})
     assert plan.verified, plan.summary.failed_checks

@@ -132,7 +132,7 @@ def hop() -> Solution:
     return plan_with_reserve(REAL)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_plan_replayed_and_tracked_reaches_what_it_claims(hop: Solution) -> None:
     """In one piece, by MuJoCo's dynamics, and by a controller on the plant."""
     assert hop.verified

@@ -138,7 +138,7 @@ def foot_acceleration(robot: Robot, q: np.ndarray, v: np.ndarray, tau: np.ndarra
     return float(pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear[2])
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_hop_keeps_the_limit(tmp_path: Path) -> None:
     """By differences of its torques; from what holds the leg; through lift-off without a jump; stored and read."""
     plan = solved_once({**LIMITED, **SHORT})

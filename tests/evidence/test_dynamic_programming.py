@@ -87,7 +87,7 @@ def test_both_methods_solve_the_same_problem_whatever_the_hop_asks(overrides: di
     assert abs(by_dynamic_programming(problem, 250) / by_transcription(problem, 60) - 1) < 0.005
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_drive_whose_speed_nothing_bounds() -> None:
     """The other joint drives it past its no-load speed; half of the grid's speeds are seldom used."""
     problem = reduced(load("paper", {"leg.motor.laws": ["four-quadrant"]}))

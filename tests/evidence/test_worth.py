@@ -40,7 +40,7 @@ def test_a_hop_without_any_of_it_leans_on_nothing() -> None:
     assert not set(named) & (entries.keys() - {"hop.stance_duration"})
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_what_each_is_worth_is_the_difference_of_two_verified_hops(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], highest: Solution
 ) -> None:

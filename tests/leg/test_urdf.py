@@ -292,7 +292,7 @@ def test_vertical_slider_is_verified_and_no_better_than_guides() -> None:
     assert {c.name for c in slider.summary.verification} >= {"stance body on its slider", "stance foot at rest"}
 
 
-ALIKE = ("go1_leg", "go2_leg", "b1_leg")  # as a1_leg: the same robot in other sizes
+ALIKE = ("go1_leg", "go2_leg", "b1_leg", "solo12_leg")  # as a1_leg: the same robot in other sizes
 
 
 @pytest.mark.slow

@@ -185,7 +185,7 @@ def test_what_was_missing_is_made_later_the_longest_first(cache: Path, monkeypat
     assert missing() == []
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_search_has_missing_libraries_made_in_another_process(cache: Path) -> None:
     """And a search that has no other process makes none."""
     design = load("paper")

@@ -112,7 +112,7 @@ def test_a_constraint_of_ones_own_is_among_the_limits_where_it_acts(softly: Solu
     assert softly.summary.active_limits[f"{__name__}:soft (upper)"] == pytest.approx(h @ at / h.sum(), abs=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_more_of_a_constraint_of_ones_own_gives_what_is_said(softly: Solution) -> None:
     """One per cent, against solving with more and with less."""
 
@@ -162,7 +162,7 @@ def test_an_objective_of_ones_own_at_the_end() -> None:
     assert s.summary.reached == pytest.approx(Machine(s.robot).points(height)["foot"][1], rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_running_objective_is_the_integral() -> None:
     """The integral of one is the time: the same least time as the built-in objective's."""
     design = ho.load("paper", {"hop.clearance": 0.3})

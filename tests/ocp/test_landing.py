@@ -157,7 +157,7 @@ def test_descent_is_a_fall_from_the_apex() -> None:
     assert set(s.sample(np.linspace(0, s.end, 30)).phase) == {STANCE, FLIGHT, DESCENT}
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_no_harder_than_a_fall_with_the_joints_held() -> None:
     """The quickest hop of the same clearance, its joints held from the apex on: it falls by the foot's height."""
     s = quickest()
@@ -208,7 +208,7 @@ def test_a_clearance_is_needed() -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_slow_motors_cannot_land_at_rest() -> None:
     """What a slower motor may do a faster one may too: it lands no softer; here well above 0 J, and verified."""
     slow = softest(**{"hop.clearance": 0.4, "leg.motor.max_speed": 650.0})

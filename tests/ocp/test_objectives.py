@@ -107,7 +107,7 @@ def test_least_peak_force_is_that_of_the_impulse() -> None:
     assert s.summary.reached == pytest.approx(weight + machine.mass * v / T, rel=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_motors_smaller_by_the_saturation_just_reach_the_clearance() -> None:
     """Torque and speed of all motors times the least share: the highest hop is the clearance that was asked for."""
     s = best("saturation")
@@ -119,7 +119,7 @@ def test_motors_smaller_by_the_saturation_just_reach_the_clearance() -> None:
     assert highest.clearance == pytest.approx(CLEARANCE, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_torque_cap_at_the_least_peak_just_reaches_the_clearance() -> None:
     s = best("peak_torque")
     highest = solve(load("paper", {"leg.gear.torque_cap": s.summary.reached}), starts=3)

@@ -186,7 +186,7 @@ def test_a_stored_cycle_is_checked_again_and_a_perturbed_one_fails(tmp_path: Pat
     assert not certify(replace(nlp, phases=moved)).passed
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_soft_landing() -> None:
     """With a limit on what the impact takes, between what another program found, 0.711 and 0.712 m."""
     s = highest(touchdown_loss=1.0)

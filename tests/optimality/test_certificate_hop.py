@@ -138,7 +138,7 @@ def test_other_torques_are_not_certified(hop: Solution, joint: int) -> None:
     assert failed(c) & {"stance costates", "stance Hamiltonian along arcs"}
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_faults_are_found_beside_a_costate_that_is_large_for_an_instant() -> None:
     """The quickest hop's foot leaves the ground within microseconds of flight, where the costate is thousands of times
     larger than after it. One duration's multiplier and all later costates wrong."""

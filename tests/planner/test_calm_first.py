@@ -15,7 +15,7 @@ ASKED = {"hop.clearance": 0.4}
 KNOWN = {"energy": 36.2478, "absolute_work": 41.3834}  # J, of hops of the paper's leg that are verified
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_what_the_first_mesh_tells_apart_is_one_hop_where_it_can_be_compared() -> None:
     hop = Hop(load("paper", ASKED), "energy")
     names = [start.name for start in starts_of(hop, 6)]

@@ -154,7 +154,7 @@ def test_an_altered_entry_is_told(stored: Path, tmp_path: Path, capsys: pytest.C
     all_told(stored, FEW, tmp_path, capsys)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 @pytest.mark.usefixtures("nothing_else_notices")
 def test_many_altered_entries_are_told(stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     all_told(stored, MANY, tmp_path, capsys)

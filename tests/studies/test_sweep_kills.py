@@ -39,7 +39,7 @@ def points(folder: Path) -> dict[str, dict]:
     return {name: {k: v for k, v in data.items() if k not in ("seconds", "sha256")} for name, data in found.items()}
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_killed_at_random_instants_the_table_is_the_same(tmp_path: Path) -> None:
     began = time.monotonic()
     whole = begin(tmp_path, *defined(), "--results", "whole")
