@@ -87,3 +87,12 @@ def test_no_points_program_depends_on_the_point_before_it() -> None:
     first_program(definition, 0)
     np.testing.assert_array_equal(first_program(definition, 1).scale, alone)
     assert Hop(definition.design_at(1)).dependent != Hop(definition.design).dependent
+
+
+@pytest.mark.parametrize("entry", ["leg.gear.efficiency", "leg.gear.friction", "leg.motor.power_cap"])
+def test_a_varied_entry_that_the_problem_does_not_state_is_in_the_program_of_its_points(entry: str) -> None:
+    definition = define(load("paper", SMALL), {entry: [0.5, 0.75]})
+    for k, value in enumerate((0.5, 0.75)):
+        hop = Hop(definition.design_at(k), "clearance")
+        t, _ = programs.first_program(definition, hop, definition.values(k), NEVER)
+        assert {p.name: p.value for p in t.fixed}[entry] == value

@@ -51,7 +51,10 @@ def first_program(
 
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
     """
-    form = {entry: values[entry] for entry in _formative(hop.design, values)}
+    own, at = (_formative(design, values) for design in (definition.design, hop.design))
+    form = {
+        entry: values[entry] for entry in dict.fromkeys([*own, *at])
+    }  # what the study's problem does not state, too
     key = repr((definition.as_dict(), form, options, watching.__name__))
     if key not in _compiled:
         while len(_compiled) >= KEPT_PROGRAMS:
