@@ -43,7 +43,7 @@ def to_c(plan: TrackedPlan) -> str:
     """The C header (C99, single precision, tgmath.h and string.h alone). Raises UsageError for a hop that lands once, for
     constants that do not fit, and as ``tracker_of`` does."""
     design = plan.motion.design
-    if not plan.reference.repeats:
+    if not design.hop.periodic:
         refuse_landed(design, "the tracker in C")
     return header(tracker_of(plan), design.name, design.leg.joints)
 
