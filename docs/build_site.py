@@ -34,7 +34,7 @@ PARTS = {  # of the site, in the order in which they are read
     ),
     "Controllers": ("controllers", "own_controller", "why_pd", "robust", "tracking", "hop_after_hop"),
     "A robot": ("to_robot", "logs"),
-    "Studies": ("sensitivity", "studies", "codesign", "families"),
+    "Studies": ("sensitivity", "studies", "explore", "choose", "codesign", "families"),
     "Gallery": ("notebooks/*",),
     "Why to believe it": ("method", "error", "certificate", "structure", "evidence", "diagnose", "bound"),
     "The paper": ("paper", "paper_equations"),

@@ -38,7 +38,7 @@ def test_the_source_distribution_has_documents_and_problems() -> None:
 def test_every_dependency_is_tested_in_a_version_that_is_allowed() -> None:
     extras = PROJECT["project"]["optional-dependencies"]
     needs = PROJECT["project"]["dependencies"] + [
-        n for e in ("dask", "mcap", "mujoco", "robots", "view") for n in extras[e]
+        n for e in ("dask", "explore", "mcap", "mujoco", "robots", "view") for n in extras[e]
     ]
     needed = [Requirement(line) for line in needs]
     assert {need.name for need in needed} == TESTED.keys()
