@@ -1,6 +1,9 @@
-"""Scripts of docs/, which lie in no package."""
+"""Scripts of docs/, which lie in no package, and code that runs in a Python of its own."""
 
 import importlib.util
+import os
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -15,3 +18,12 @@ def script(name: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def python(code: str, folder: Path) -> "subprocess.CompletedProcess[str]":
+    """A Python of its own that finds the modules in a folder."""
+    path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
