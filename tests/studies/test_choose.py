@@ -1,5 +1,6 @@
 """Which motor and gear: pairs that clear, what the others lack, and the leg that is written."""
 
+import json
 import time
 from pathlib import Path
 
@@ -159,6 +160,17 @@ def test_a_choice_in_python_has_a_table_figures_and_the_leg() -> None:
     assert "together [W]" in found.plot("peak_power").axes[0].get_xlabel()
     with pytest.raises(UsageError, match="there is no pair 'mini'"):
         found.problem("mini")
+
+
+def test_a_choice_in_python_keeps_its_file_as_the_command_does(tmp_path: Path) -> None:
+    """Also where no time was left to solve a pair."""
+    asked = {"only": ["mini-cheetah"], "verify": 0, "processes": 1, "time_limit": 1e-3, "results": tmp_path}
+    found = ho.choose("paper", 0.3, **asked)
+    assert found.folder is not None
+    written_down = json.loads((found.folder / "choice.json").read_text())
+    (candidate,) = written_down["candidates"]
+    assert (candidate["name"], candidate["outcome"]) == ("mini-cheetah", NOT_SOLVED)
+    assert written_down["clearance_m"] == 0.3
 
 
 def test_points_of_a_list_wait_for_no_other() -> None:

@@ -9,8 +9,7 @@ from hopopt.cli.screen.console import progress, show
 from hopopt.cli.screen.studies import of_choice, of_preliminary_choice
 from hopopt.plots.studies.choice import save
 from hopopt.problem.load import catalogue_of, load, resolved_toml
-from hopopt.storage.folder import write_json
-from hopopt.studies.choose.choice import FILE, Choice
+from hopopt.studies.choose.choice import Choice
 from hopopt.studies.choose.each import choose_each
 from hopopt.studies.choose.run import choose as chosen
 from hopopt.studies.choose.run import written
@@ -88,8 +87,6 @@ def choose(
             say = [shown.enter_context(progress(json_))]
 
             def shown_first(found: Choice) -> None:
-                if found.folder is not None:
-                    write_json(found.as_dict(), found.folder / FILE)
                 shown.close()
                 if not json_:
                     show(of_preliminary_choice(found))
@@ -100,12 +97,10 @@ def choose(
                 processes=processes, scheduler=scheduler, results=results, resume=resume,
                 progress=lambda text: say[-1](text), opened=(lambda folder: None) if each else folders.append, listed=shown_first, entries=catalogue_of(problem or "paper", set_ or ()),
             )  # fmt: skip
-            if (folder := found.folder) is not None:
-                write_json(found.as_dict(), folder / FILE)
-                if figures:
-                    say[-1]("drawing")
-                    safe = f"the data in {folder} are complete"
-                    drawn(lambda: save(found, folder / "figures"), "figures are missing", safe)
+            if figures and (folder := found.folder) is not None:
+                say[-1]("drawing")
+                safe = f"the data in {folder} are complete"
+                drawn(lambda: save(found, folder / "figures"), "figures are missing", safe)
     except KeyboardInterrupt:
         if not folders:
             raise

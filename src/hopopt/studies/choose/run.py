@@ -20,9 +20,10 @@ from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.guesses.feasibility import strength
 from hopopt.problem.catalogue import Entry, catalogue
 from hopopt.problem.load import changed
+from hopopt.storage.folder import write_json
 from hopopt.studies.choose import choice
 from hopopt.studies.choose.bound import highest
-from hopopt.studies.choose.choice import ORDERS, Candidate, Choice, first_to_verify, outcome_of
+from hopopt.studies.choose.choice import FILE, ORDERS, Candidate, Choice, first_to_verify, outcome_of
 from hopopt.studies.choose.pairs import Drives, Pair, Tried, drives, keys_of, pairs
 from hopopt.studies.choose.push import push
 from hopopt.studies.maps.doubt import AROUND
@@ -86,15 +87,17 @@ def choose(
         return Choice(chosen, clearance, by, done, None, time.perf_counter() - began)
     definition = _definition(chosen, [c.pair for c in left], known, starts, clearance)
 
-    def preliminary(solved: Sequence[Candidate], folder: Path) -> None:
-        listed(Choice(chosen, clearance, by, (*solved, *done), folder, time.perf_counter() - began))
+    def kept(solved: Sequence[Candidate], folder: Path) -> Choice:
+        found = Choice(chosen, clearance, by, (*solved, *done), folder, time.perf_counter() - began)
+        write_json(found.as_dict(), folder / FILE)
+        return found
 
     solved, folder = _solved(
-        definition, left, clearance, by, verify, preliminary,
+        definition, left, clearance, by, verify, lambda solved, folder: listed(kept(solved, folder)),
         processes=processes or os.cpu_count() or 1, scheduler=scheduler, results=results, resume=resume, progress=progress,
         opened=opened, until=until,
     )  # fmt: skip
-    return Choice(chosen, clearance, by, (*solved, *done), folder, time.perf_counter() - began)
+    return kept(solved, folder)
 
 
 def _before(chosen: Drives, pair: Tried, wish: float, entries: Mapping[str, Entry]) -> Candidate:
