@@ -14,8 +14,9 @@ from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import entry_points, packages_distributions, version
 from inspect import signature
+from itertools import count
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 from hopopt.errors import UsageError
@@ -129,6 +130,9 @@ def missing(kind: str, name: str) -> UsageError:
     wanted = absent([name.partition(":")[0]] if ":" in name else _needed)
     if wanted:
         return UsageError(f"{kind} {name}: {needs(wanted)}")
+    if name.startswith("__main__:"):
+        words = "was defined in a notebook or script, where no other finds it: define it in a module of your own"
+        return UsageError(f"{name.partition(':')[2]} {words}, which --with my_module or an import then gives")
     if ":" in name:
         again = f"give it again, or its module with --with {name.partition(':')[0]}"
         return UsageError(f"{name} is a user-defined function, which is only run where it is given: {again}")
@@ -148,9 +152,28 @@ def needs(modules: Sequence[str]) -> str:
 # ---- functions by their full name ------------------------------------------------------------------------------
 
 
-def hand_over(name: str, function: Callable[..., Any]) -> None:
-    """Let a function of the user's be named as module:function in this process and in those that work for it."""
-    _functions[name] = function
+def hand_over(name: str, function: Callable[..., Any]) -> str:
+    """Let a function of the user's be named as module:function in this process and in those that work for it; its name,
+    numbered if it is made within a function, or a lambda, and another such one has that name already."""
+    numbered = (f"{name}{'' if k == 1 else f'-{k}'}" for k in count(1))
+    free = next(n for n in numbered if "<" not in n or n not in _functions or _alike(_functions[n], function))
+    _functions[free] = function
+    return free
+
+
+def _alike(one: Callable[..., Any], other: Callable[..., Any]) -> bool:
+    """Whether two functions are the same code with the same values."""
+    return one is other or (_content(one) is not None and _content(one) == _content(other))
+
+
+def _content(function: Callable[..., Any]) -> tuple[Any, ...] | None:
+    """The code, and the numbers and words that it holds; None if it holds anything else."""
+    if not isinstance(function, FunctionType):
+        return None
+    held = [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
+    held += [cell.cell_contents for cell in function.__closure__ or ()]
+    plain = all(isinstance(value, bool | int | float | str | None) for value in held)
+    return (function.__code__, held) if plain else None
 
 
 def function(name: str) -> Callable[..., Any]:

@@ -17,17 +17,19 @@ from hopopt import extensions
 from hopopt.cli.main import run
 from hopopt.comparison.compare import compare
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.ocp.custom import Moment, custom, symbols
+from hopopt.ocp.custom import Moment, as_objective, custom, symbols
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.hops.several_hops import JointState, several_hops
 from hopopt.ocp.hops.shared_control import TrueLeg
+from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.rules import RULES
 from hopopt.planner.reserve import reserved
 from hopopt.planner.search.from_known import solved_from_known
-from hopopt.problem.own import with_constraints
+from hopopt.problem.own import name_of, with_constraints
 from hopopt.studies.pareto.front import FrontPoint, read_front
 from once import solved_once
 from registries import clean_registries
+from stored_results import stored_study
 
 MOST = {"parameters.most": {"value": 400.0, "lower": 100.0, "upper": 2000.0, "unit": "N"}}
 MODULE = """
@@ -145,6 +147,44 @@ def test_different_functions_of_one_name_are_refused() -> None:
             ask("paper", constraints=[at_most(400.0), at_most(300.0)])
     with pytest.raises(UsageError, match="two different constraints"):
         ho.sweep("paper", {"leg.gear.ratio": [70, 80]}, constraints=[at_most(400.0), at_most(300.0)])
+
+
+def test_functions_of_one_name_that_differ_keep_apart_between_calls() -> None:
+    """What was asked with the first is not asked with the second later."""
+
+    def at_most(most: float) -> Any:
+        return lambda now: most - now.f[-1]
+
+    first, second, again = (name_of(at_most(most)) for most in (400.0, 300.0, 400.0))
+    assert first == again
+    assert second == f"{first}-2"
+    row = [extensions.function(name)(symbols(2, ("foot",), False, {})) for name in (first, second)]
+    assert [str(x) for x in row] == ["(400-f_1)", "(300-f_1)"]
+    named = with_constraints(ho.load("paper"), [at_most(300.0)])
+    assert named.hop.constraints == (second,)
+    assert any(second in name for name in ho.program(named).row_names)
+
+
+def test_a_study_of_a_notebooks_objective_says_to_define_it_in_a_module(tmp_path: Path) -> None:
+    folder = stored_study(tmp_path, {"leg.gear.ratio": [70, 80]}, [0.6, 0.7]).folder
+    told = json.loads((folder / "sweep.json").read_text()) | {"objective": "__main__:rise"}
+    (folder / "sweep.json").write_text(json.dumps(told))
+    with pytest.raises(UsageError, match="rise was defined in a notebook or script") as refused:
+        ho.read(folder)
+    assert "define it in a module of your own" in str(refused.value)
+    assert "--with __main__" not in str(refused.value)
+
+
+def test_a_front_of_a_notebooks_objective_shows_its_name_alone() -> None:
+    def most_force(now: Moment) -> Any:
+        return now.f[-1]
+
+    most_force.__module__, most_force.__qualname__ = "__main__", "most_force"
+    for objective, words in ((as_objective(custom(most_force)), "most_force"), (find("peak_force"), "peak force")):
+        point = FrontPoint("least", 0.3, 0.3, 2.0, True)
+        front = ho.Front(ho.load("paper"), objective, None, [point], [None])
+        assert front.plot().axes[0].get_ylabel().startswith(words)
+        assert front.plot().get_suptitle().endswith(f"the least {words} for each clearance")
 
 
 def test_a_front_needs_an_objective_that_a_clearance_is_asked_with() -> None:

@@ -22,10 +22,12 @@ def name_of(given: Any) -> str:
     found = imported(given) if isinstance(given, str) else given
     if not callable(found):
         raise UsageError(f"{given!r:.80} is not a function: give one, or its name module:function")
-    name = given if isinstance(given, str) else ""
-    name = name or f"{getattr(found, '__module__', '?')}:{getattr(found, '__qualname__', type(found).__name__)}"
-    extensions.hand_over(name, found)
-    return name
+    return extensions.hand_over(given if isinstance(given, str) else _called(found), found)
+
+
+def _called(given: Any) -> str:
+    """What Python calls a function, as module:function."""
+    return f"{getattr(given, '__module__', '?')}:{getattr(given, '__qualname__', type(given).__name__)}"
 
 
 def with_constraints(design: Design, constraints: Sequence[Function]) -> Design:
@@ -48,7 +50,7 @@ def _check_apart(constraints: Sequence[Function]) -> None:
     """UsageError for different functions of one name, of which only one could be found by it."""
     known = dict[str, Function]()
     for given in (c for c in constraints if callable(c)):
-        if known.setdefault(name := name_of(given), given) is not given:
+        if known.setdefault(name := _called(given), given) is not given:
             raise UsageError(f"two different constraints are called {name}: give each a name of its own, with def")
 
 

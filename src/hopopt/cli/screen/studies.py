@@ -98,7 +98,7 @@ def _checked(found: Map) -> Iterator[Shown]:
 
 def of_front(found: Front) -> Iterator[Shown]:
     """A line for each point, by clearance, and where they are kept."""
-    name, unit, rows = found.against.name.replace("_", " "), found.against.unit, list[list[str]]()
+    name, unit, rows = found.against.words, found.against.unit, list[list[str]]()
     for p in sorted(found.points, key=lambda p: p.asked_m):
         figures = [f"{x:.4f}" if x is not None else "-" for x in (p.clearance_m or p.asked_m, p.value)]
         kind, state = p.kind if p.least else f"{p.kind} (not the least)", "verified" if p.verified else p.sentence

@@ -71,6 +71,11 @@ class HopObjective(Directed):
         return re.sub(r"[^A-Za-z0-9_-]+", "_", self.name.rpartition(":")[2]).strip("_")
 
     @property
+    def words(self) -> str:
+        """Its name in a figure or a title: a function's as it is, without its module."""
+        return self.short if self.is_function else self.name.replace("_", " ")
+
+    @property
     def is_function(self) -> bool:
         """Whether it is a function of the user's that has no name in the registry."""
         return self.custom is not None and ":" in self.name

@@ -19,7 +19,7 @@ HIGHEST = "highest, with what it happens to cost"
 
 def figure(front: "Front") -> Figure:
     """The other objective [its unit] over the clearance [m]."""
-    name, unit = front.against.name.replace("_", " "), front.against.unit
+    name, unit = front.against.words, front.against.unit
     picture = new_figure(f"{front.design.title or front.design.name}: the least {name} for each clearance")
     ax, good = (
         picture.subplots(),
