@@ -180,10 +180,11 @@ def test_a_front_of_a_notebooks_objective_shows_its_name_alone() -> None:
         return now.f[-1]
 
     most_force.__module__, most_force.__qualname__ = "__main__", "most_force"
-    for objective, words in ((as_objective(custom(most_force)), "most_force"), (find("peak_force"), "peak force")):
+    asked = ((as_objective(custom(most_force)), "most_force", ""), (find("peak_force"), "peak force", " [N]"))
+    for objective, words, unit in asked:
         point = FrontPoint("least", 0.3, 0.3, 2.0, True)
         front = ho.Front(ho.load("paper"), objective, None, [point], [None])
-        assert front.plot().axes[0].get_ylabel().startswith(words)
+        assert front.plot().axes[0].get_ylabel() == f"{words}{unit}"
         assert front.plot().get_suptitle().endswith(f"the least {words} for each clearance")
 
 

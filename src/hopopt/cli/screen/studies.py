@@ -98,12 +98,12 @@ def _checked(found: Map) -> Iterator[Shown]:
 
 def of_front(found: Front) -> Iterator[Shown]:
     """A line for each point, by clearance, and where they are kept."""
-    name, unit, rows = found.against.words, found.against.unit, list[list[str]]()
+    name, rows = found.against.words, list[list[str]]()
     for p in sorted(found.points, key=lambda p: p.asked_m):
         figures = [f"{x:.4f}" if x is not None else "-" for x in (p.clearance_m or p.asked_m, p.value)]
         kind, state = p.kind if p.least else f"{p.kind} (not the least)", "verified" if p.verified else p.sentence
         rows.append([kind, *figures, state, (p.result_dir or "").split("/")[-1]])
-    heads = ("point", "clearance [m]", f"{name} [{unit}]" if unit != "1" else name, "", "folder")
+    heads = ("point", "clearance [m]", found.against.label, "", "folder")
     title = f"{found.design.title or found.design.name}: clearance against {name}"
     yield table([Column(head, no_wrap=True) for head in heads], rows, title)
     whole = "" if found.complete else ", not complete"

@@ -76,6 +76,11 @@ class HopObjective(Directed):
         return self.short if self.is_function else self.name.replace("_", " ")
 
     @property
+    def label(self) -> str:
+        """What an axis or a column of its values is called, with its unit if it has one."""
+        return self.words if self.unit in ("", "1") else f"{self.words} [{self.unit}]"
+
+    @property
     def is_function(self) -> bool:
         """Whether it is a function of the user's that has no name in the registry."""
         return self.custom is not None and ":" in self.name

@@ -31,12 +31,12 @@ def figure(front: "Front") -> Figure:
     ends = least[:1], [p for p in front.verified_points if not p.least]
     for point, label, marker, color in zip(ends, ("least", HIGHEST), "s*", (ORANGE, GREEN), strict=True):
         for x, y in ((p.clearance_m or 0.0, p.value or 0.0) for p in point):
-            text = f"{label}: {y:.4g}{'' if unit == '1' else f' {unit}'} at {x:.3f} m"
+            text = f"{label}: {y:.4g}{'' if unit in ('', '1') else f' {unit}'} at {x:.3f} m"
             ax.plot(x, y, marker, color=color, ms=14, mec=BLACK, label=text, zorder=4, clip_on=False)
     for p in front.points:
         if not p.verified:
             ax.axvline(p.asked_m, color=BLACK, lw=1.5, ls=":", label="no verified hop at this clearance")
-    describe(ax, "clearance [m]", f"{name} [{unit}]" if unit != "1" else name)
+    describe(ax, "clearance [m]", front.against.label)
     ax.set_ylim(bottom=0)
     legend(picture)
     return picture
