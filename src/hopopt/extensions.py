@@ -171,7 +171,10 @@ def _content(function: Callable[..., Any]) -> tuple[Any, ...] | None:
     if not isinstance(function, FunctionType):
         return None
     held = [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
-    held += [cell.cell_contents for cell in function.__closure__ or ()]
+    try:
+        held += [cell.cell_contents for cell in function.__closure__ or ()]
+    except ValueError:  # a cell that nothing was put into yet
+        return None
     plain = all(isinstance(value, bool | int | float | str | None) for value in held)
     return (function.__code__, held) if plain else None
 
