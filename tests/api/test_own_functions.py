@@ -193,7 +193,7 @@ def test_a_front_needs_an_objective_that_a_clearance_is_asked_with() -> None:
         ho.pareto("paper", lambda now: now.f[-1], processes=1)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_strategies_are_not_held_against_a_constraint_of_ones_own(hop: ho.Solution) -> None:
     """A bound that is wrong, as a run passes it: it is not said of one that keeps more than strategies do."""
     low = hop.with_summary(clearance_m=0.1, objective_value=0.1)
@@ -244,7 +244,7 @@ def test_functions_that_are_given_have_derivatives_too() -> None:
     assert slope == pytest.approx((high.summary.objective_value - low.summary.objective_value) / 2, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_limits_own_number_can_be_free() -> None:
     best = ho.solve(
         ho.load("paper", MOST), free={"parameters.most.value": (300.0, 420.0)}, constraints=["soft"], starts=1
@@ -295,7 +295,7 @@ def test_a_study_of_ones_own_is_stored_and_read_elsewhere(tmp_path: Path, monkey
     assert recorded["digest"] == extensions.digest_of("ours_studied")  # that module is imported here by now
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_plan_that_drawn_legs_track_keeps_it() -> None:
     """The plan with a reserve, as the search of a robust hop makes it; without the limit it pushes harder."""
     free, held = solved_once({}), solved_once(MOST | {"hop.constraints": ["soft"]})

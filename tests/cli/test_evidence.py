@@ -147,7 +147,7 @@ def test_starts_of_another_problem_are_not_mixed_in(
     assert "problem.toml was changed since the study began" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_what_the_global_method_finds_more_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A planner that falls short by 5 % in the reduced hop is contradicted, in the exit code and in the JSON; a grid that is
     too coarse to tell contradicts nothing."""

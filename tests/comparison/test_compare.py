@@ -293,7 +293,7 @@ def test_tuned_gains_clear_more_than_the_printed_ones_and_less_than_the_bound(na
     assert printed.clearance < tucked.clearance < tuned.clearance < 0.8 * solution.clearance
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_mismatched_legs_hop_if_enough_is_held_back(solution, monkeypatch):
     """5 % of mass and 10 % of torque constant: a drive with too large a constant is as much slower, so speed is held back."""
     overrides = ["reserve.torque=0.12", "reserve.speed=0.1", "reserve.ground_force=80", "reserve.height=0.02"]

@@ -145,7 +145,7 @@ def test_a_plan_replayed_and_tracked_reaches_what_it_claims(hop: Solution) -> No
     assert run.figures.clearance == pytest.approx(hop.clearance, rel=2e-2)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_losses_and_supply_are_told_and_balance(hop: Solution) -> None:
     """What the supply gives less what its windings and gears turn into heat is what the machine gains, to 1e-5."""
     s, leg, p = hop.summary, hop.design.leg, hop.robot.parameters

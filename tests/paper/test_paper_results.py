@@ -23,7 +23,7 @@ def hops():
     return [simulate(design, find(name)).figures for name in ("force", "position_soft")]
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_the_table_of_the_docs_is_what_the_command_prints(capsys):
     assert run(["reproduce"]) == 0
     table = capsys.readouterr().out.strip()

@@ -110,7 +110,7 @@ def test_values_are_those_of_refined_hops_and_counts_add_up() -> None:
         assert shown.startswith("by" if f.refined else "first mesh, by")
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_two_hops_that_differ_by_more_than_their_errors_are_two() -> None:
     s = ho.solve(ho.load("paper", ["contact.friction=0.15"]), processes=1).summary
     assert s.families is not None

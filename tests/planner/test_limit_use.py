@@ -142,7 +142,7 @@ def test_a_friction_cone_says_what_it_needs(plan: Solution) -> None:
         assert (acts > 0.5) is not idle
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
     folder = str(save(plan, tmp_path, None).result_dir)
     assert run(["diagnose", folder, "--json"]) == 0

@@ -6,7 +6,7 @@ meshes, times. Digests alone guard those (storage/seal/digests.py).
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from math import isnan
+from math import isfinite, isnan
 from typing import Any
 
 from hopopt.nlp.refinement.interval_errors import IntervalErrors
@@ -93,8 +93,8 @@ def difference(stated: Any, computed: Any, least: float = LEAST_FIGURE) -> float
     if stated == computed or not all(numbers):
         return 0.0 if stated == computed else float("inf")
     off = abs(stated - computed) / max(abs(computed), least)
-    if isnan(off):  # one of them is no number, or infinite
-        return 0.0 if isnan(stated) and isnan(computed) else float("inf")
+    if isnan(off):  # one of them at least is no number, or infinite: JSON has null for both
+        return float("inf") if isfinite(stated) or isfinite(computed) else 0.0
     return off
 
 
