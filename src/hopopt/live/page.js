@@ -80,7 +80,7 @@
         const number = html(row, "input", { type: "number", ariaLabel: `${s.entry} as a number`, min: s.low, max: s.high, step: "any" });
         range.addEventListener("input", () => { number.value = range.value; drag(s.entry, Number(range.value)); });
         number.addEventListener("change", () => {
-          const x = Math.min(s.high, Math.max(s.low, Number(number.value)));
+          const held = Math.min(s.high, Math.max(s.low, Number(number.value))), x = s.step === 1 ? Math.round(held) : held;
           range.value = number.value = x;
           drag(s.entry, x);
         });
@@ -300,7 +300,12 @@
 
   // ---- begin --------------------------------------------------------------------------------------------------
   const take = (message) => {
-    if (message.refused) { $("said").textContent = message.refused; return; }
+    if (message.refused) {
+      $("said").textContent = message.refused;
+      asked = {};
+      if (state) take(state);
+      return;
+    }
     if (!("problem" in message)) { $("busy").textContent = message.busy; return; }
     state = message;
     for (const [entry, value] of Object.entries(asked)) if (state.values[entry] === value) delete asked[entry];

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.drivetrain.operating_region.region import operating_region
-from hopopt.leg.robot import BASE
 from hopopt.planner.motion import Motion
 
 INSTANTS = 100  # evenly over the hop
@@ -28,7 +27,7 @@ def picture(motion: Motion) -> dict[str, Any]:
     outlines = [operating_region(motion.design.leg, joint, region).outline() for joint in motion.robot.joints]
     return {
         "t": _rounded(s.t), "lift_off": float(motion.lift_off), "joints": list(motion.robot.joints),
-        "chain": _rounded(chain.reshape(len(s.t), -1)), "v": _rounded(s.v[:, BASE : BASE + n].T),
+        "chain": _rounded(chain.reshape(len(s.t), -1)), "v": _rounded(s.v[:, -n:].T),
         "tau": _rounded(s.command.T), "lowest": _rounded(s.lowest), "com": _rounded(s.points["com"][:, 1]),
         "force": _rounded(s.f[:, -1]), "voltage": None if voltage is None else _rounded(voltage),
         "regions": [_rounded(corners.T) for corners in outlines],
@@ -39,7 +38,7 @@ def figures(motion: Motion) -> dict[str, float | None]:
     """What a list of designs tells of each: mass of the robot that this leg lifts [kg], the greatest power that its motors
     give together [W], and the lowest bus voltage over that without load."""
     s = motion.sample(np.linspace(0.0, motion.end, INSTANTS))
-    power = (s.command * s.v[:, BASE:]).sum(axis=1)
+    power = (s.command * s.v[:, -s.command.shape[1] :]).sum(axis=1)
     voltage = motion.voltage(s)
     return {
         "mass_kg": float(pin.computeTotalMass(motion.robot.model)), "peak_power_W": float(power.max()),

@@ -88,6 +88,7 @@ class Session:
         self._bench: Worker | None = None
         self._closer: Worker | None = None
         self._verifying = asyncio.Lock()
+        self._searched: Asked | None = None
         self._chosen: Mapping[str, str] = {}  # what the bench has
 
     # ---- what the page asks ---------------------------------------------------------------------------------------
@@ -152,11 +153,12 @@ class Session:
         """Verify the design that is shown, then search it for other kinds of hop, as a single solve does."""
         await self.verify()
         tried = self._current
-        if tried is None or tried.searched or self._bench is None:
+        if tried is None or tried.searched or self._bench is None or tried.asked == self._searched:
             return
         found = await self._closely("looking for other kinds of hop", "search", tried.asked.entries)
         if found is None:
             return
+        self._searched = tried.asked  # once, even if what it finds leads to no better hop here
         self._note(tried.id, searched=True)
         if found[0] and await self._bench.ask("learn", tried.asked.values, *found) and tried.asked == self.asked:
             self.designs = [t for t in self.designs if t.id != tried.id]
@@ -207,6 +209,8 @@ class Session:
                 self._changed.clear()
                 while self._solved != self._number or self._missing is not None:
                     await (self._solve(bench) if self._solved != self._number else self._fill(bench))
+        except Stopped:
+            raise Failed("the process that solves has ended: start hopopt explore again") from None
         finally:
             bench.stop()
             self.close()
@@ -307,6 +311,7 @@ class Session:
         try:
             return await self._closer.ask(method, *given)
         except Stopped:
+            self._closer = None  # if it ended by itself, the next one begins anew
             return None
         except Failed as error:
             self._say(self._kept(error))

@@ -97,7 +97,9 @@ def _slider(design: Design, entry: str, ends: tuple[float, float] | None) -> Sli
     whole = whole_number(design, entry)
     begin = min(max(float(value), low), high) if isinstance(value, (int, float)) else high
     made = Slider(entry, row.meaning if row else "", row.unit if row else "", begin, low, high, WHOLE)
-    return made if whole else replace(made, step=_round_step((high - low) / STEPS))
+    if whole:
+        return replace(made, value=float(round(begin)), low=float(math.ceil(low)), high=float(math.floor(high)))
+    return replace(made, step=_round_step((high - low) / STEPS))
 
 
 def _round_step(step: float) -> float:
