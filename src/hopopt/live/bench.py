@@ -176,9 +176,8 @@ class Bench:
     ) -> tuple[MapPoint, Families]:
         """A design from the nearest known; where its best family does not lead there, by way of one in the middle."""
         place, near = self._place(values), self._nearest(values)
-        point, families = solved_with(
-            definition, MapPoint(0, dict(values), NOT_SOLVED), place, near.families, near.best
-        )
+        begin = MapPoint(0, dict(values), NOT_SOLVED)
+        point, families = solved_with(definition, begin, place, self._families(place), near.best)
         if point.outcome == IMPOSSIBLE:
             return point, families
         if near.best not in point.seen and halvings and (between := self._between(near, values)):

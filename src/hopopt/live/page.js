@@ -301,9 +301,9 @@
   // ---- begin --------------------------------------------------------------------------------------------------
   const take = (message) => {
     if (message.refused) {
-      $("said").textContent = message.refused;
       asked = {};
       if (state) take(state);
+      $("said").textContent = message.refused;
       return;
     }
     if (!("problem" in message)) { $("busy").textContent = message.busy; return; }

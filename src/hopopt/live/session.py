@@ -112,12 +112,13 @@ class Session:
 
     def undo(self) -> None:
         """Back to the design that rested before."""
-        while self._undo:
-            last = self._undo.pop()
-            if last != self.asked:
-                self._ask(last)
-                return
-        self._say("there is nothing to undo")
+        while self._undo and self._undo[-1] == self.asked:
+            self._undo.pop()
+        if self._undo:
+            self._ask(self._undo[-1])
+        else:
+            self._undo = [self.asked]
+            self._say("there is nothing to undo")
 
     def back_to(self, id: int) -> None:
         """A design of the list."""
@@ -231,9 +232,11 @@ class Session:
             if asked.choices != self._chosen:
                 self.sliders = await bench.ask("choose", asked.choices)
                 self._chosen = asked.choices
-                asked = replace(asked, values={s.entry: asked.values.get(s.entry, s.value) for s in self.sliders})
-                if number == self._number:
-                    self.asked = asked
+                if self.map is not None and not set(self.map["entries"]) <= {s.entry for s in self.sliders}:
+                    self.map = None
+            asked = replace(asked, values={s.entry: asked.values.get(s.entry, s.value) for s in self.sliders})
+            if number == self._number:
+                self.asked = asked
             found = await bench.ask("at", asked.values)
         except Failed as error:
             found = Found(NO_HOP, self._kept(error))
@@ -265,6 +268,7 @@ class Session:
 
     def _ask(self, asked: Asked) -> None:
         if asked == self.asked:
+            self._tell(self.state)  # a page that asked waits for it
             return
         moved = {e for e in self.asked.values if asked.values.get(e) != self.asked.values[e]}
         if self.map is not None and (asked.choices != self.asked.choices or not moved <= set(self.map["entries"])):
@@ -311,7 +315,9 @@ class Session:
         try:
             return await self._closer.ask(method, *given)
         except Stopped:
-            self._closer = None  # if it ended by itself, the next one begins anew
+            if self._closer is not None:  # nobody stopped it
+                self._closer = None
+                self._say("the process that verifies has ended by itself; the next design begins it anew")
             return None
         except Failed as error:
             self._say(self._kept(error))
@@ -323,7 +329,8 @@ class Session:
     def _kept(self, error: Failed) -> str:
         """The sentence of an error; of a fault of hopopt the traceback is kept in the folder."""
         if error.fault is not None:
-            error.fault.keep(self._folder, f"explore-{secrets.token_hex(4)}")
+            with suppress(OSError):  # of a disk that is full
+                error.fault.keep(self._folder, f"explore-{secrets.token_hex(4)}")
         return str(error)
 
     def _progress(self, text: str) -> None:
@@ -370,7 +377,7 @@ class Session:
             "now": None if found is None else {**_told(found), **_words(found, tried)},
             "picture": self.picture, "beside": beside and {"id": beside.id, "picture": _picture_of(beside)},
             "designs": [_row(t) for t in self.designs], "current": self.current,
-            "undo": bool(self._undo), "map": self._map,
+            "undo": any(asked != self.asked for asked in self._undo), "map": self._map,
             "lines": None if tried is None else {"pd": tried.pd, "reached": tried.reached},
         }  # fmt: skip
 

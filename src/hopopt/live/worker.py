@@ -1,11 +1,12 @@
 """Another process that answers questions one after another, and can be stopped in the middle of one."""
 
 import asyncio
+import atexit
 import signal
 from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from threading import Thread
+from threading import Lock, Thread
 from typing import Any
 
 from hopopt.errors import HopoptError, one_line
@@ -36,8 +37,10 @@ class Worker:
     def __init__(self, make: Callable[[Callable[[str], None]], Any], say: Callable[[str], None] = lambda text: None):
         here, there = get_context("spawn").Pipe()
         self._pipe, self._say, self._one_at_a_time = here, say, asyncio.Lock()
+        self._pipe_free = Lock()  # of threads: one that was cancelled still waits for its answer
         self._process = get_context("spawn").Process(target=carried(_serve), args=(make, there))
         self._process.start()
+        atexit.register(self._process.kill)  # it waits for questions, and would be waited for
         there.close()
 
     async def ask(self, method: str, *given: Any) -> Any:
@@ -59,16 +62,18 @@ class Worker:
         """Send a question and wait for the answer, in a thread of its own."""
         found: tuple[str | None, Any] = None, None
         try:
-            self._pipe.send((method, given))
-            while (found := self._pipe.recv())[0] == SAID:
-                loop.call_soon_threadsafe(self._say, found[1])
-        except (OSError, EOFError, ValueError):
+            with self._pipe_free:
+                self._pipe.send((method, given))
+                while (found := self._pipe.recv())[0] == SAID:
+                    loop.call_soon_threadsafe(self._say, found[1])
+        except Exception:  # the process, or the loop that asked, is no more
             found = None, None
         if not loop.is_closed():
             loop.call_soon_threadsafe(lambda: answer.done() or answer.set_result(found))
 
     def stop(self) -> None:
         """End the process, whatever it is at."""
+        atexit.unregister(self._process.kill)
         self._process.kill()
         self._process.join()
         self._pipe.close()
