@@ -9,10 +9,12 @@ answer of ``hopopt solve`` stands beside the page's.
 import argparse
 import random
 import time
+from pathlib import Path
 
 import numpy as np
 
 from hopopt.live.bench import PRELIMINARY, Bench
+from hopopt.live.desk import Desk
 from hopopt.planner.solve import solve
 from hopopt.problem.load import changed, load
 
@@ -33,8 +35,9 @@ def main() -> None:
     began = time.process_time()
     sliders, _ = bench.begin(1)
     print(f"{asked.problem}: begun in {time.process_time() - began:.1f} s of processor time")
-    own, walls, cpus, hops = (
-        {s.entry: s.value for s in sliders},
+    own = {s.entry: s.value for s in sliders}
+    bench.learn(own, *Desk(bench.design, "clearance", Path("results")).search(own))  # as the page does when hands rest
+    walls, cpus, hops = (
         list[float](),
         list[float](),
         list[tuple[dict[str, float], float]](),
