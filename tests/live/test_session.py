@@ -11,10 +11,12 @@ import pytest
 from hopopt import load
 from hopopt.errors import UsageError
 from hopopt.live import session as module
+from hopopt.live import worker
 from hopopt.live.bench import IMPOSSIBLE, PRELIMINARY, Found
 from hopopt.live.desk import Verified
-from hopopt.live.session import MOST_DESIGNS, Session
+from hopopt.live.session import Session
 from hopopt.live.sliders import named
+from hopopt.live.tried import MOST_DESIGNS
 from hopopt.live.worker import Failed, Stopped
 
 ENTRIES = ["leg.gear.ratio", "leg.body.mass"]
@@ -83,6 +85,7 @@ def explored(
 ) -> tuple[list[dict[str, Any]], Session]:
     """All states that are told while ``hands`` drag."""
     monkeypatch.setattr(module, "Worker", Workers)
+    monkeypatch.setattr(worker, "Worker", Workers)
     monkeypatch.setattr(module, "REST", rest)
     told = list[dict[str, Any]]()
 
@@ -123,7 +126,7 @@ def test_the_last_of_many_drags_is_answered_and_then_verified(monkeypatch: pytes
     assert words[0] == "preliminary"
     assert words[-1] == "verified"
     assert s.state["now"]["value"] == pytest.approx(value_of(s.asked.values) + 0.001)
-    assert [t.asked.values["leg.gear.ratio"] for t in s.designs][-1] == 99.0
+    assert [t.asked.values["leg.gear.ratio"] for t in s.designs.tried][-1] == 99.0
 
 
 def test_no_number_stands_under_sliders_that_it_does_not_belong_to(
@@ -141,8 +144,8 @@ def test_no_number_stands_under_sliders_that_it_does_not_belong_to(
                 s.undo()
             elif act < 0.9:
                 s.fill_map(rng.choice([["leg.body.mass"], ENTRIES, []]))
-            elif s.designs:
-                s.back_to(rng.choice(s.designs).id)
+            elif s.designs.tried:
+                s.back_to(rng.choice(s.designs.tried).id)
             await asyncio.sleep(rng.choice([0.0, 0.001, 0.012]))
         s.set({"leg.gear.ratio": 81.0})
         await settled(s)
@@ -153,7 +156,7 @@ def test_no_number_stands_under_sliders_that_it_does_not_belong_to(
         if now["outcome"] == PRELIMINARY:
             assert now["value"] == pytest.approx(value_of(values), abs=0.0011)
             assert state["picture"]["of"] == values
-    assert len(s.designs) <= MOST_DESIGNS
+    assert len(s.designs.tried) <= MOST_DESIGNS
     assert {state["now"]["word"] for state in told if state.get("now")} >= {"preliminary", "verified", IMPOSSIBLE}
 
 
@@ -167,7 +170,7 @@ def test_an_impossible_design_says_why_and_keeps_the_last_hop(monkeypatch: pytes
     assert s.state["now"]["sentence"] == "the pose cannot be held"
     assert s.state["now"]["value"] is None
     assert s.state["picture"]["of"]["leg.gear.ratio"] == 100.0
-    assert len(s.designs) == 1
+    assert len(s.designs.tried) == 1
 
 
 def test_a_hop_that_fails_its_checks_is_called_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -239,4 +242,4 @@ def test_a_better_family_that_a_search_finds_is_switched_to_and_said(
 
     _, s = explored(monkeypatch, tmp_path, hands)
     assert s.state["now"]["word"] == "verified"
-    assert len(s.designs) == 1
+    assert len(s.designs.tried) == 1

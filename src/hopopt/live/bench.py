@@ -5,14 +5,13 @@ Families are watched as in a map (studies/maps/warm.py): each that could be the 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.live.picture import figures, picture
-from hopopt.live.sliders import Slider, most_rewarding, named
+from hopopt.live.picture import picture
+from hopopt.live.sliders import Slider, most_rewarding, named, per_percent
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.solver.compiled import compiling
 from hopopt.nlp.solver.ipopt import NlpSolution
@@ -27,10 +26,10 @@ from hopopt.planner.search.multistart import SAME_OPTIMUM, distinct, first_trans
 from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.solve import SEARCHING, TIME_LIMIT
 from hopopt.problem.load import changed
-from hopopt.problem.render import rows
+from hopopt.problem.render import values_of
 from hopopt.studies.maps.search import families_of
 from hopopt.studies.maps.warm import WARM, Carried, Families, MapPoint, solved_with
-from hopopt.studies.sensitivity import contributions
+from hopopt.studies.sensitivity import by_entry
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import first_program, stored_outcome
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED
@@ -48,26 +47,23 @@ class Found:
 
     outcome: "preliminary", "impossible problem" or "no hop"; sentence: why it is none
     value: the objective [its unit], and error: by how much the first mesh's may be off, to first order
-    family, words: which family of hops, from 1 on (0: found by a restart), and what such hops do
+    words: what hops of its family do
     switched: another family is the best here than before
     limits: entries that hold it back most, each with what 1 % of it changes [the objective's unit]
     figures: what a list of designs tells (picture.py); picture: the hop as it is drawn
     carried: what verification begins from
-    seconds: that it took
     """
 
     outcome: str
     sentence: str = ""
     value: float | None = None
     error: float | None = None
-    family: int = 0
     words: str = ""
     switched: bool = False
     limits: tuple[tuple[str, float], ...] = ()
     figures: Mapping[str, float | None] = field(default_factory=dict)
     picture: Mapping[str, Any] | None = None
     carried: Carried | None = None
-    seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -88,11 +84,12 @@ class Bench:
     """
 
     def __init__(
-        self, design: Design, objective: str, asked: Sequence[str] = (), *, say: Callable[[str], None] = lambda text: None
+        self, design: Design, objective: str, asked: Sequence[str] = (), say: Callable[[str], None] = lambda text: None
     ):  # fmt: skip
-        self._say, self._objective, self._asked = say, objective, asked
+        self._say, self._goal = say, find(objective)
         self.sliders = named(design, asked)
-        unset = {s.entry: s.value for s in self.sliders if {r.path: r.value for r in rows(design)}.get(s.entry) is None}
+        values = values_of(design)
+        unset = {s.entry: s.value for s in self.sliders if values.get(s.entry) is None}
         self.design = self._own = changed(design, unset) if unset else design
         self._own_sliders = self.sliders
         self._known, self._words, self._family = list[_Known](), dict[int, str](), None
@@ -100,7 +97,7 @@ class Bench:
     def begin(self, processes: int | None) -> tuple[list[Slider], Found]:
         """The sliders, and the hop of the problem as it is, from the first start that leads to one; NotSolvedError if none
         does."""
-        hop, until = Hop(self.design, self._objective), NEVER.within(SEARCHING * TIME_LIMIT)
+        hop, until = Hop(self.design, self._goal.name), NEVER.within(SEARCHING * TIME_LIMIT)
         for count in (1, max(2, self.design.solver.starts)):  # the first leads to one of most legs, in seconds
             besides = from_highest(hop, count, self._say, until=until)
             outcomes = search_first_mesh(hop, count, processes, self._say, besides, until).outcomes
@@ -121,12 +118,11 @@ class Bench:
 
     def at(self, values: Mapping[str, float]) -> Found:
         """The hop with these values of the sliders' entries."""
-        began, definition = perf_counter(), self._definition()
+        definition = self._definition()
         point, families = self._solved(definition, values)
         if not point.solved:
             return Found(IMPOSSIBLE if point.outcome == IMPOSSIBLE else NO_HOP, point.sentence)
-        found = self._found(definition, point, families[point.family])
-        return replace(found, seconds=perf_counter() - began)
+        return self._found(definition, point, families[point.family])
 
     def value_at(self, values: Mapping[str, float]) -> float | None:
         """The objective with these values alone, for a map; None where there is no hop."""
@@ -135,15 +131,15 @@ class Bench:
     def learn(self, values: Mapping[str, float], families: Mapping[int, Carried], words: Sequence[str]) -> bool:
         """Take the kinds of hop that a search found at a design, the best first; whether that is better than what was known
         there."""
-        place, definition, sign = self._place(values), self._definition(), find(self._objective).sign
+        place, definition = self._place(values), self._definition()
         now = self._solved(definition, values)[0].objective_value
         here = next((known for known in self._known if np.array_equal(known.place, place)), None)
         first = {0: replace(families[1], at=place)}
         point, found = solved_with(definition, MapPoint(0, dict(values), NOT_SOLVED), place, first, None)
         if point.objective_value is None:
             return False
-        top, size = sign * point.objective_value, abs(point.objective_value)
-        best = -np.inf if now is None else sign * now
+        top, size = self._goal.signed_value(point.objective_value), abs(point.objective_value)
+        best = -np.inf if now is None else self._goal.signed_value(now)
         seen = [] if here is None or now is None else [best - c.gap * abs(now) for c in here.families.values()]
         offered = {1: found[0], **{k: replace(c, at=place) for k, c in families.items() if k > 1}}
         last = max(self._words, default=0)
@@ -162,7 +158,7 @@ class Bench:
         """Take parts of the catalogue, by their places in the problem (none: as the problem has them); the sliders, which
         stand where the parts' numbers are."""
         self.design = changed(self._own, choices) if choices else self._own
-        values = {row.path: row.value for row in rows(self.design)}
+        values = values_of(self.design)
         taken = [s for s in self._own_sliders if isinstance(values.get(s.entry), (int, float))]
         self.sliders = [s.about(float(values[s.entry])) for s in taken]
         last = self._known[-1]
@@ -192,8 +188,8 @@ class Bench:
         return point, families
 
     def _better(self, one: MapPoint, other: MapPoint) -> bool:
-        sign = find(self._objective).sign
-        return sign * (one.objective_value or 0.0) > sign * (other.objective_value or 0.0)
+        value = self._goal.signed_value
+        return value(one.objective_value or 0.0) > value(other.objective_value or 0.0)
 
     def _nearest(self, values: Mapping[str, float]) -> _Known:
         place = self._place(values)
@@ -208,7 +204,7 @@ class Bench:
 
     def _definition(self) -> Definition:
         axes = tuple(s.axis for s in self.sliders)
-        return Definition(self.design, self._objective, axes, ONE_PLACE, preliminary=True)
+        return Definition(self.design, self._goal.name, axes, ONE_PLACE, preliminary=True)
 
     def _place(self, values: Mapping[str, float]) -> np.ndarray:
         """Every slider from 0 to 1."""
@@ -232,9 +228,10 @@ class Bench:
         motion, error = Motion(hop.design, hop.objective.name, nlp.phases), objective_error(nlp)
         switched = self._family is not None and point.family != self._family
         self._family = point.family
+        shown = picture(motion)
         return Found(
-            PRELIMINARY, "", point.objective_value, error.too_high_by - error.second_order, point.family,
-            self._words.get(point.family, ""), switched, _holding_back(hop, nlp), figures(motion), picture(motion), carried,
+            PRELIMINARY, "", point.objective_value, error.too_high_by - error.second_order,
+            self._words.get(point.family, ""), switched, _holding_back(hop, nlp), shown.figures, shown.drawn, carried,
         )  # fmt: skip
 
 
@@ -246,18 +243,10 @@ def _solution(hop: Hop, t: Transcription, carried: Carried, value: float) -> Nlp
 
 def _per_unit(hop: Hop, nlp: NlpSolution) -> dict[str, float]:
     """The objective's derivatives by entries of the problem [its unit per theirs]."""
-    found = dict[str, float]()
-    for entry, slope in contributions(hop.design, slopes(nlp, gradient_by_parameters(nlp.transcription))):
-        found[entry] = found.get(entry, 0.0) + slope
-    return found
+    return by_entry(hop.design, slopes(nlp, gradient_by_parameters(nlp.transcription)))
 
 
 def _holding_back(hop: Hop, nlp: NlpSolution) -> tuple[tuple[str, float], ...]:
     """The entries of which 1 % changes the objective most, with that change."""
-    values = {row.path: row.value for row in rows(hop.design)}
-    found = {
-        entry: 0.01 * slope * abs(values[entry])
-        for entry, slope in _per_unit(hop, nlp).items()
-        if isinstance(values.get(entry), float)
-    }
+    found = per_percent(hop.design, _per_unit(hop, nlp))
     return tuple(sorted(found.items(), key=lambda item: -abs(item[1]))[:TOLD])

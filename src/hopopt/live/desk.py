@@ -13,7 +13,7 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.files import write_whole
 from hopopt.live.bench import Found
-from hopopt.live.picture import figures, picture
+from hopopt.live.picture import picture
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
 from hopopt.ocp.hop import Hop
@@ -76,7 +76,8 @@ class Desk:
         best = save(best, self._folder)
         value = best.summary.objective_value if best.verified else None
         failed = tuple(best.summary.failed_checks)
-        return Verified(best.verified, failed, value, figures(best), picture(best), str(best.result_dir))
+        shown = picture(best)
+        return Verified(best.verified, failed, value, shown.figures, shown.drawn, str(best.result_dir))
 
     def search(self, entries: Mapping[str, Any]) -> tuple[dict[int, Carried], tuple[str, ...]]:
         """The kinds of hop that the search of a single solve finds of a design, the best first, and what they do."""

@@ -5,9 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.problem.render import rows, shown_path
+from hopopt.problem.render import rows, shown_path, values_of
 from hopopt.studies.sweep.definition import Axis, axis, check_entry, whole_number
 
 COUNT = 10  # sliders, unless entries are named
@@ -47,6 +49,11 @@ class Slider:
         """The same entry where it has another value, which its range holds."""
         return replace(self, value=value, low=min(self.low, value), high=max(self.high, value))
 
+    def places(self, wanted: int) -> list[float]:
+        """So many of its values, evenly; of whole numbers each once."""
+        found = np.linspace(self.low, self.high, wanted).tolist()
+        return sorted({float(round(x)) for x in found}) if self.whole else found
+
     def as_dict(self) -> dict[str, Any]:
         """For the page."""
         return asdict(self)
@@ -72,13 +79,16 @@ def named(design: Design, asked: Sequence[str]) -> list[Slider]:
     return list(found.values())
 
 
+def per_percent(design: Design, per_unit: Mapping[str, float]) -> dict[str, float]:
+    """What 1 % more of each number of a problem changes, by what it changes per unit."""
+    values = values_of(design)
+    return {e: 0.01 * slope * abs(x) for e, slope in per_unit.items() if isinstance(x := values.get(e), float)}
+
+
 def most_rewarding(design: Design, per_unit: Mapping[str, float]) -> list[Slider]:
     """Sliders of the entries of which a change by the same share changes the objective most; ``per_unit``: its derivatives."""
-    values = {row.path: row.value for row in rows(design)}
-    weights = {
-        entry: abs(slope * values[entry]) for entry, slope in per_unit.items() if isinstance(values.get(entry), float)
-    }
-    ranked = sorted((entry for entry, weight in weights.items() if weight > 0), key=lambda entry: -weights[entry])
+    gains = per_percent(design, per_unit)
+    ranked = sorted((entry for entry, gain in gains.items() if gain), key=lambda entry: -abs(gains[entry]))
     return [_slider(design, entry, None) for entry in ranked[:COUNT]]
 
 

@@ -3,7 +3,7 @@
 import asyncio
 import atexit
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from threading import Lock, Thread
@@ -36,7 +36,7 @@ class Worker:
 
     def __init__(self, make: Callable[[Callable[[str], None]], Any], say: Callable[[str], None] = lambda text: None):
         here, there = get_context("spawn").Pipe()
-        self._pipe, self._say, self._one_at_a_time = here, say, asyncio.Lock()
+        self._pipe, self._say = here, say
         self._pipe_free = Lock()  # of threads: one that was cancelled still waits for its answer
         self._process = get_context("spawn").Process(target=carried(_serve), args=(make, there))
         self._process.start()
@@ -46,10 +46,9 @@ class Worker:
     async def ask(self, method: str, *given: Any) -> Any:
         """What a method of the object returns; Failed with its sentence if it raises, Stopped if the process ends."""
         loop = asyncio.get_running_loop()
-        async with self._one_at_a_time:
-            answer = loop.create_future()
-            Thread(target=self._answer, args=(method, given, loop, answer), daemon=True).start()
-            kind, value = await answer
+        answer = loop.create_future()
+        Thread(target=self._answer, args=(method, given, loop, answer), daemon=True).start()
+        kind, value = await answer
         if kind == DONE:
             return value
         if kind is None:
@@ -77,6 +76,53 @@ class Worker:
         self._process.kill()
         self._process.join()
         self._pipe.close()
+
+
+class Beside:
+    """Work in another process beside what is dragged: the process begins when it is asked for, and ends with ``stop``.
+
+    make: as of ``Worker``; say: is called with each line of progress
+    at: is called with words for what is done and True when it begins, False when it ends
+    failed: is called with why it could not be done
+    """
+
+    def __init__(
+        self, make: Callable[[Callable[[str], None]], Any], say: Callable[[str], None], at: Callable[[str, bool], None],
+        failed: Callable[[Failed], None],
+    ):  # fmt: skip
+        self._make, self._say, self._at, self._failed = make, say, at, failed
+        self._worker: Worker | None = None
+        self._tasks = set[asyncio.Task[Any]]()
+
+    def later(self, work: Coroutine[Any, Any, Any]) -> None:
+        """Do this beside what is dragged; stopped by the next change."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def ask(self, words: str, method: str, *given: Any) -> Any:
+        """What the other process says, None if it was stopped or failed, which is told."""
+        self._worker = self._worker or Worker(self._make, self._say)
+        self._at(words, True)
+        try:
+            return await self._worker.ask(method, *given)
+        except Stopped:
+            if self._worker is not None:  # nobody stopped it
+                self._worker = None
+                self._failed(Failed("the process that verifies has ended by itself; the next design begins it anew"))
+        except Failed as error:
+            self._failed(error)
+        finally:
+            self._at(words, False)
+        return None
+
+    def stop(self) -> None:
+        """End what it is at."""
+        for task in self._tasks:
+            task.cancel()
+        if self._worker is not None:
+            self._worker.stop()
+            self._worker = None
 
 
 def _serve(make: Callable[[Callable[[str], None]], Any], pipe: Connection) -> None:

@@ -15,7 +15,7 @@ from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.paper.result import RPM, Figure
-from hopopt.problem.render import rows
+from hopopt.problem.render import values_of
 from hopopt.sim.hop_metrics import HopFigures
 
 
@@ -119,7 +119,7 @@ class Experiment:
 
 def present(experiment: Experiment) -> list[float]:
     """What the free values are now. Raises UsageError for what cannot be freed between its bounds."""
-    entries = {row.path: row.value for row in rows(Design.model_validate(experiment.problem))}
+    entries = values_of(Design.model_validate(experiment.problem))
     known = entries | {
         f"{owner}{name}": value
         for owner in ("", *(f"{strategy}." for strategy in experiment.strategies))

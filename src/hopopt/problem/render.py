@@ -31,6 +31,11 @@ def rows(design: Design) -> list[Row]:
     return sorted(found, key=lambda row: "." in row.path)  # TOML wants the top entries before the tables
 
 
+def values_of(design: Design) -> dict[str, Any]:
+    """The value of every entry, by path."""
+    return {row.path: row.value for row in rows(design)}
+
+
 def as_json(design: Design) -> dict[str, dict[str, Any]]:
     """{path: {"value", "unit", "meaning"}} of every entry."""
     return {row.path: {k: v for k, v in asdict(row).items() if k != "path"} for row in rows(design)}

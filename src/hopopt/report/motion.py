@@ -1,10 +1,11 @@
 """A hop as a page shows it: the leg, its operating points, heights and ground force at some instants."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopopt.leg.robot import BASE
+from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import Scale
 from hopopt.planner.solution import Solution
 from hopopt.sim.trace import Trace
@@ -47,18 +48,31 @@ class ShownHop:
 PLAN_ENDS = "the plan ends"  # what is shown of a plan whose foot does not come down again
 
 
+def chain(points: Mapping[str, np.ndarray], robot: Robot) -> np.ndarray:
+    """x, z of every joint and the foot, (k, n + 1, 2) [m], of points by name."""
+    return np.stack([points[name] for name in (*robot.joints, "foot")], axis=1)
+
+
 def planned(solution: Solution, name: str) -> ShownHop:
     """The hop of a solution."""
     interval = SHOWN_INTERVAL * Scale.of(solution.design.leg).time
     even = np.linspace(0.0, solution.end, max(2, round(solution.end / interval)))
     s = solution.sample(np.union1d(even, [solution.lift_off, solution.duration]))
     n = len(solution.robot.joints)
-    chain = np.stack([s.points[point] for point in (*solution.robot.joints, "foot")], axis=1)
     clearance = solution.clearance if solution.verified else None
     force = s.f[:, [0, -1]]
     ends = f"{solution.end_of_flight}: {PLAN_ENDS}" if solution.end <= solution.duration else ""
     return ShownHop(
-        name, s.t, chain, s.points["com"], s.v[:, -n:], s.command, force, solution.lift_off, clearance, ends
+        name,
+        s.t,
+        chain(s.points, solution.robot),
+        s.points["com"],
+        s.v[:, -n:],
+        s.command,
+        force,
+        solution.lift_off,
+        clearance,
+        ends,
     )
 
 
@@ -68,6 +82,15 @@ def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:
     rows = np.unique([*np.searchsorted(trace.t, even), len(trace.t) - 1])
     arrays = ("t", "q", "v", "command", "motor", "tau", "f", "contact", "work")
     few = replace(trace, **{array: getattr(trace, array)[rows] for array in arrays})
-    chain = np.stack([few.points[point] for point in (*trace.robot.joints, "foot")], axis=1)
     lift_off = next(iter(trace.times_of("lift-off")), float(trace.t[-1]))
-    return ShownHop(name, few.t, chain, few.points["com"], few.v[:, BASE:], few.motor, few.f, lift_off, clearance)
+    return ShownHop(
+        name,
+        few.t,
+        chain(few.points, trace.robot),
+        few.points["com"],
+        few.v[:, BASE:],
+        few.motor,
+        few.f,
+        lift_off,
+        clearance,
+    )

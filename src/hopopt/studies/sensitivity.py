@@ -141,9 +141,7 @@ def derivatives(design: Design, by: Slopes, signed: bool = True) -> dict[str, tu
 
     ``by`` belongs to the program of ``with_own_drives``; not ``signed``: what the parts of each come to without their signs.
     """
-    own: dict[str, float] = {}
-    for path, slope in contributions(design, by):
-        own[path] = own.get(path, 0.0) + (slope if signed else abs(slope))
+    own = by_entry(design, by, signed)
     users: dict[str, list[str]] = {}
     for path, joint, part, entry in drive_entries(design.leg):
         users.setdefault(path, []).append(f"leg.{joint}.{part}.{entry}")
@@ -155,7 +153,15 @@ def derivatives(design: Design, by: Slopes, signed: bool = True) -> dict[str, tu
     return found | {path: (slope, None) for path, slope in own.items() if path not in parts | found.keys()}
 
 
-def contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
+def by_entry(design: Design, by: Slopes, signed: bool = True) -> dict[str, float]:
+    """Path of each entry of a program's own problem -> derivative; not ``signed``: what its parts come to without their signs."""
+    own = dict[str, float]()
+    for path, slope in _contributions(design, by):
+        own[path] = own.get(path, 0.0) + (slope if signed else abs(slope))
+    return own
+
+
+def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
     """Paths and derivatives, to be summed by path."""
     yield from ((path, float(slope[0])) for path, slope in by.parameters.items())
     from_rest = not design.hop.periodic

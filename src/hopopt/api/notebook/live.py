@@ -9,7 +9,7 @@ from threading import Thread
 
 from hopopt.api.asked import Problem
 from hopopt.live.server import Server
-from hopopt.live.session import Session, checked
+from hopopt.live.session import Session
 from hopopt.problem.load import as_design
 from hopopt.storage.folder import prepare
 
@@ -62,12 +62,11 @@ def explore(
     UsageError for what is no problem or entry.
     """
     design = as_design(problem)
-    checked(design, entries, objective)
-    prepare(Path(results))
     ready: Future[LivePage] = Future()
 
     async def main() -> None:
         server = Server(lambda tell: Session(design, objective, entries, Path(results), starts, processes, tell), port)
+        prepare(Path(results))
         task = asyncio.ensure_future(server.run())
         ready.set_result(LivePage(server.address, asyncio.get_running_loop(), task))
         await task

@@ -7,7 +7,7 @@ from typing import Annotated
 from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, Problem, Starts, repeated
 from hopopt.live.server import Server, run
-from hopopt.live.session import Session, checked
+from hopopt.live.session import Session
 from hopopt.problem.load import load
 from hopopt.storage.folder import as_json, prepare
 
@@ -54,9 +54,9 @@ def explore(
     design = load(problem, set_ or ())
     amounts.check("starts", starts)
     amounts.check_processes(processes)
-    checked(design, entry or (), objective)
-    prepare(results)
     server = Server(lambda tell: Session(design, objective, entry or (), results, starts, processes, tell), port)
+
+    prepare(results)
 
     def opened(address: str) -> None:
         if json_:

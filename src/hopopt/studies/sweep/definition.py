@@ -15,7 +15,7 @@ from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives.registry import find
 from hopopt.problem.load import changed
-from hopopt.problem.render import design_hash, rows, shown, shown_path
+from hopopt.problem.render import design_hash, shown, shown_path, values_of
 
 MOST_POINTS = 100_000  # points of a study
 LARGEST_VALUE = 1e15  # of a value; no entry of a problem comes near
@@ -91,7 +91,7 @@ class Definition:
             if index is None:
                 entries[path] = round(x) if whole_number(self.design, path) else x
             else:
-                listed = list(entries.get(path, _rows(self.design)[path]))
+                listed = list(entries.get(path, values_of(self.design)[path]))
                 listed[index] = x
                 entries[path] = listed
         return changed(self.design, entries)
@@ -231,17 +231,13 @@ def place(entry: str) -> tuple[str, int | None]:
 
 def whole_number(design: Design, entry: str) -> bool:
     """Whether an entry takes whole numbers only."""
-    return type(_rows(design).get(entry)) is int
-
-
-def _rows(design: Design) -> dict[str, Any]:
-    return {row.path: row.value for row in rows(design)}
+    return type(values_of(design).get(entry)) is int
 
 
 def check_entry(design: Design, a: Axis) -> None:
     """That there is such an entry, and that it is a number."""
     path, index = place(a.entry)
-    value = _rows(design).get(path)
+    value = values_of(design).get(path)
     if index is not None and (not isinstance(value, (tuple, list)) or index >= len(value)):
         raise UsageError(f"--vary {shown_path(a.entry)}: there is no such value in {shown_path(path)}")
     if isinstance(value, (bool, str)) or (index is None and isinstance(value, (tuple, list))):
