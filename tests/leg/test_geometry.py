@@ -346,7 +346,7 @@ def test_what_stays_above_the_ground_follows_the_shapes(tmp_path: Path) -> None:
 
 
 def test_a_planner_keeps_the_ends_of_links_higher_by_their_radius(tmp_path: Path) -> None:
-    """So no point of the thigh is lower than the ends less their rows' heights; a capsule too low at the start is told by points."""
+    """The link is a capsule about the line between its ends. One that is too low at the start is refused, by its points."""
     shaped = paper_leg(tmp_path)
     rows = {point: least for _, point, least in height_rows(shaped)}
     radius = 0.04 / np.cos(np.pi / 12)
