@@ -91,7 +91,7 @@ def dynamics_are_pinocchios(leg: Leg, q: np.ndarray, v: np.ndarray, tau: np.ndar
     for mode in (contact.FLIGHT, contact.STICK):
         a = machine.acceleration(q, v, tau, contact=mode == contact.STICK)
         mine, _ = contact.rates(c, mode, q, v, tau)
-        forces = np.abs(M_other) @ np.abs(a) + np.abs(planar.bias(c, joints, centres, drift)) + np.abs(tau).max()
+        forces = np.abs(M_other) @ np.abs(a) + np.abs(planar.bias(c, q, joints, centres, drift)) + np.abs(tau).max()
         np.testing.assert_allclose(M_other @ (mine - a), 0, atol=1e-7 * forces.max())
 
 

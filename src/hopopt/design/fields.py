@@ -24,6 +24,7 @@ RESERVED = (
     "motor",
     "gear",
     "supply",
+    "spring",
     "urdf",
     "mjcf",
     "foot_frame",

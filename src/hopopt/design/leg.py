@@ -23,7 +23,7 @@ from hopopt.design.fields import (
     named,
     quantity,
 )
-from hopopt.design.geometry.parts import Body, Link
+from hopopt.design.geometry.parts import MOST_SPRINGS, Body, Link, Spring
 from hopopt.design.hop import GRAVITY
 
 PAPERS_LENGTH = 0.38 + 0.361  # [m] of the paper's leg
@@ -191,6 +191,12 @@ class Leg(Section):
     motor: Motor
     gear: Gear
     supply: Supply | None = choice("what feeds the motors (default: a stiff supply)", None, listed=False)
+    spring: dict[str, Spring] | None = choice(
+        "springs beside the drives by name: [leg.spring.knee] (docs/transmissions.md)",
+        None,
+        listed=False,
+        max_length=MOST_SPRINGS,
+    )
     joint: dict[str, Joint]
     link: dict[str, Link]
     _fall: Vector = PrivateAttr((0.0, 0.0, -GRAVITY))
@@ -274,7 +280,7 @@ def _physical(path: str, section: BaseModel) -> Iterator[tuple[str, float]]:
         if isinstance(value, BaseModel):
             yield from _physical(f"{path}.{name}", value)
         elif isinstance(value, dict):
-            for key, item in value.items():
-                yield from _physical(f"{path}.{key}", item)
+            for key, item in value.items():  # tables of joints and links sit in [leg] itself
+                yield from _physical(f"{path}.{key}" if name in ("joint", "link") else f"{path}.{name}.{key}", item)
         elif value is not None and isinstance(extra, dict) and extra.get("physical"):
             yield f"{path}.{name}", float(value)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain import gear, supply
+from hopopt.drivetrain import gear, springs, supply
 from hopopt.drivetrain.operating_region import half_planes
 from hopopt.drivetrain.supply import BURNS, STIFF_SUPPLY
 
@@ -18,7 +18,7 @@ MOST_PARTS = 64  # of a step where gears rub
 
 within, capped = kernel(half_planes.within), kernel(half_planes.capped)
 passed_torque, share_at = kernel(gear.passed_torque), kernel(supply.share_at)
-efficiency_at = kernel(gear.efficiency_at)
+efficiency_at, spring_torque = kernel(gear.efficiency_at), kernel(springs.torque_at)
 
 
 @kernel
@@ -102,3 +102,18 @@ def rubbing_parts(drive: Any, motor: np.ndarray, armature: np.ndarray, h: float)
         rate = rubbing / drive.slow[k] / max(armature[k], drive.lightest)
         parts = max(parts, min(MOST_PARTS, int(np.ceil(h * rate / STIFF))))
     return parts
+
+
+@kernel
+def add_spring_torques(record: Any, q: np.ndarray, given: np.ndarray) -> None:
+    """Add what springs give the joints (n) [N m] at their angles q (n) [rad]; ``record`` has the names of ``Springs.numbers``."""
+    for i in range(record.springs):
+        angle = 0.0
+        for k in range(len(q)):
+            angle += record.spring_coefficients[i, k] * q[k]
+        torque = spring_torque(
+            angle, record.spring_level[i], record.spring_slope[i], record.spring_knots[i], record.spring_bends[i],
+            record.spring_width[i],
+        )  # fmt: skip
+        for k in range(len(q)):
+            given[k] += record.spring_coefficients[i, k] * torque

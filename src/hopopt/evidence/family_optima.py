@@ -13,7 +13,7 @@ from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.guesses.feasibility import joints_without_inertia
+from hopopt.ocp.guesses.feasibility import cannot_begin
 from hopopt.ocp.guesses.initial_guess import motion_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
@@ -125,7 +125,7 @@ def _program(design: Design) -> _Program:
 def searched(design: Design, count: int) -> list[LocalOptimum]:
     """The distinct optima that so many starts, relaxed problems and the global method lead to, best first."""
     p = _program(design)
-    if joints_without_inertia(p.hop.design, p.hop.robot):
+    if cannot_begin(p.hop.design, p.hop.robot):
         return []
     outcomes = search_first_mesh(p.hop, count, 1, _silent, until=NEVER.within(TIME_LIMIT)).outcomes
     found = list[LocalOptimum]()

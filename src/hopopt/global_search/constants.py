@@ -44,6 +44,7 @@ class StanceConstants(NamedTuple):
     lower1, upper1, lower2, upper2: joint limits [rad]
     knee_least, hip_least: heights at least [m]
     descent: whether the body may descend
+    springs, spring_...: as ``Springs.numbers`` has them
     """
 
     m11: float
@@ -80,6 +81,13 @@ class StanceConstants(NamedTuple):
     knee_least: float
     hip_least: float
     descent: bool
+    springs: int
+    spring_level: np.ndarray
+    spring_slope: np.ndarray
+    spring_width: np.ndarray
+    spring_coefficients: np.ndarray
+    spring_knots: np.ndarray
+    spring_bends: np.ndarray
 
 
 def stance_constants(design: Design) -> StanceConstants:
@@ -111,7 +119,7 @@ def stance_constants(design: Design) -> StanceConstants:
         *drives[0], *drives[1], gears[0], gears[1],
         UNLIMITED if friction is None else float(friction), float(design.contact.least_force),
         joints[0].lower, joints[0].upper, joints[1].lower, joints[1].upper, knee_least, hip_least,
-        bool(design.hop.counter_movement),
+        bool(design.hop.counter_movement), **robot.springs.numbers(2),
     )  # fmt: skip
 
 

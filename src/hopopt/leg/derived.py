@@ -68,7 +68,7 @@ def derived(design: Design) -> LegFigures:
     lifts = foot_jacobian(design.leg, angles)[UP]
     rotors = model.armature[BASE:]
     links = np.diag(pin.crba(model, model.createData(), q))[BASE:] - rotors
-    held = pin.computeGeneralizedGravity(model, model.createData(), q)[BASE:] - lifts * heavy
+    held = robot.forces_at_rest(q)[BASE:] - lifts * heavy
     joints = tuple(
         JointFigures(name, *_drive(robot, name), float(rotor), float(link), float(torque))
         for name, rotor, link, torque in zip(robot.joints, rotors, links, held, strict=True)

@@ -5,7 +5,8 @@ With the body's place and the joint angles q, their speeds v and accelerations a
     M(q) a + h(q, v) = (0, tau) + J(q)' f         rows of the body, on which no joint acts, then of the joints
     J(q) a + (dJ/dt) v = 0                        in stance, where the foot is pinned; in flight f = 0
 
-M, h: mass matrix, and Coriolis, centrifugal, gravity and rotor forces; tau: joint torques; f: contact force. The body
+M, h: mass matrix, and Coriolis, centrifugal, gravity and rotor forces, less what springs beside the drives give; tau: torques
+that the drives give the joints; f: contact force. The body
 only translates, so J is the unit matrix in its columns: the second equation gives its acceleration from the joints',
 and the first equation's body rows are f. What is left gives tau. In flight the body rows say that the centre of mass
 falls freely. So one known point gives the body's place from the joint angles: in stance the foot, pinned at the
@@ -24,6 +25,7 @@ from typing import Any
 
 import casadi as ca
 
+from hopopt.drivetrain.springs import Springs
 from hopopt.leg.kinematics import PLANE, contact_axes, loop_axes
 from hopopt.leg.rigid_body import com_position, frames, point_position, rnea
 from hopopt.leg.robot import BASE, Robot, link_bodies, link_points
@@ -49,6 +51,7 @@ class LegDynamics:
     def __init__(self, robot: Robot, p: Mapping[str, Any]):
         self.robot, self.n = robot, len(robot.joints)
         self.bodies, self.link_points = link_bodies(robot.leg, p), link_points(robot.leg, p)
+        self.springs = Springs.of(robot.leg, p)
         self.contact, self.loops = contact_axes(robot.leg), loop_axes(robot.leg)
         self.slider = "x" not in robot.leg.guides
         fall = robot.model.gravity.linear[PLANE_ROWS]
@@ -68,8 +71,11 @@ class LegDynamics:
         return point_position(poses, self.link_points["foot"])
 
     def inverse_dynamics(self, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
-        """Generalised forces M a + nle, shape (BASE + n,)."""
-        return rnea(self.robot.model, self.bodies, q, v, a)
+        """Generalised forces M a + nle less what springs give, shape (BASE + n,)."""
+        forces = rnea(self.robot.model, self.bodies, q, v, a)
+        if not self.springs:
+            return forces
+        return forces - ca.vertcat(ca.SX.zeros(BASE), *self.springs.torques(ca.vertsplit(q[BASE:])))
 
     def stance_pose(self, q_j: ca.SX, v_j: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q and v (BASE + n) with the foot pinned at the origin, and the foot Jacobian (BASE x n)."""

@@ -6,12 +6,14 @@ the Pinocchio model is built from it with numbers, the planner's recursion (rigi
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Leg, physical_parameters, unit
+from hopopt.drivetrain.springs import Springs
 from hopopt.leg.geometry.solids import counted_points
 from hopopt.leg.inertia import PAIRS, tensor
 
@@ -50,6 +52,19 @@ class Robot:
     @property
     def joints(self) -> tuple[str, ...]:
         return self.leg.joints
+
+    @cached_property
+    def springs(self) -> Springs:
+        """Those beside the drives, which Pinocchio's model does not know."""
+        return Springs.of(self.leg, self.parameters)
+
+    def spring_forces(self, q: np.ndarray) -> np.ndarray:
+        """What the springs give every coordinate (BASE + n) [N, N m] at q (BASE + n)."""
+        return np.concatenate([np.zeros(BASE), np.array(self.springs.torques(list(q[BASE:])))])
+
+    def forces_at_rest(self, q: np.ndarray) -> np.ndarray:
+        """Generalised forces (BASE + n) [N, N m] that hold the leg still at q (BASE + n), against gravity and its springs."""
+        return pin.computeGeneralizedGravity(self.model, self.model.createData(), q) - self.spring_forces(q)
 
 
 def link_bodies(leg: Leg, p: Mapping[str, Any]) -> list[MovingBody]:

@@ -132,7 +132,7 @@ def parse_free(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """{"leg.gear.ratio": (50.0, 200.0)} from "leg.gear.ratio=50:200"; UsageError in a sentence if it is not that."""
     bounds: dict[str, tuple[float, float]] = {}
     for text in texts:
-        found = re.fullmatch(rf"\s*([\w.-]+)\s*=\s*({DECIMAL_NUMBER})\s*:\s*({DECIMAL_NUMBER})\s*", text)
+        found = re.fullmatch(rf"\s*([\w.-]+)\s*=\s*(-?{DECIMAL_NUMBER})\s*:\s*(-?{DECIMAL_NUMBER})\s*", text)
         if not found or not float(found[2]) < float(found[3]):
             raise UsageError(f"--free {text}: write lower:upper, the lower first, such as leg.gear.ratio=50:200")
         if found[1] in bounds:

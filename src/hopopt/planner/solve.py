@@ -11,7 +11,7 @@ from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.refinement.mesh_step import MeshStep, relative
 from hopopt.ocp.custom import custom
-from hopopt.ocp.guesses.feasibility import joints_without_inertia
+from hopopt.ocp.guesses.feasibility import cannot_begin
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import given
@@ -91,7 +91,7 @@ def solve(
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, with_tighter_tolerances(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in functions))
-    if faults := joints_without_inertia(hop.design, hop.robot):
+    if faults := cannot_begin(hop.design, hop.robot):
         raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")
     hop, best, found = _found(hop, asked, starts, processes, structure, say, clock, until, guess)

@@ -104,10 +104,20 @@ class Machine:
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> np.ndarray:
         """Forward dynamics [rad/s^2, m/s^2]; in contact the foot's acceleration is held at zero."""
-        forces = np.concatenate([self._along_guides, tau])
+        forces = self._forces(q, tau)
         if not contact and not self.held:
             return pin.aba(self.model, self.data, q, v, forces)
         return pin.forwardDynamics(self.model, self.data, forces, *self._held_still(q, v, contact))
+
+    def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Generalised forces (BASE + n) [N, N m] of drives, guides and ground under which the leg moves so."""
+        forces = pin.rnea(self.model, self.data, q, v, a)
+        return forces - self.robot.spring_forces(q) if self.robot.springs else forces.copy()
+
+    def _forces(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Generalised forces (BASE + n) [N, N m] of joint torques (n) [N m] and of the springs."""
+        forces = np.concatenate([self._along_guides, tau])
+        return forces + self.robot.spring_forces(q) if self.robot.springs else forces
 
     def _held_still(self, q: np.ndarray, v: np.ndarray, contact: bool) -> tuple[np.ndarray, np.ndarray]:
         """Rows of what must not accelerate, in contact the foot's along the contact force, then what no guide lets move;
@@ -128,7 +138,7 @@ class Machine:
         speeds and torques; on two guides, in the plane. Where the body is and how fast it moves changes nothing else."""
         q, v = np.concatenate([self._along_guides, q_j]), np.concatenate([self._along_guides, v_j])
         J, drift = self._held_still(q, v, True)
-        a = pin.forwardDynamics(self.model, self.data, np.concatenate([self._along_guides, tau]), J, drift)
+        a = pin.forwardDynamics(self.model, self.data, self._forces(q, tau), J, drift)
         q[:BASE] = -pin.updateFramePlacement(self.model, self.data, self.foot).translation[self._axes]
         v[:BASE] = -J[:, BASE:] @ v_j
         return q, v, a, self.data.lambda_c.copy()
@@ -144,6 +154,8 @@ class Machine:
         v[:BASE] = -jacobian @ v_j
         M = self.mass_matrix(q)
         bias = pin.nonLinearEffects(self.model, self.data, q, v) - M[:, :BASE] @ drift[[0, 2]]
+        if self.robot.springs:
+            bias = bias - self.robot.spring_forces(q)
         return StanceTerms(q, v, M, bias, jacobian, drift[[0, 2]], self.held)
 
     def on_guides(self, q_j: np.ndarray, v_j: np.ndarray, foot: float, body: float) -> tuple[np.ndarray, np.ndarray]:
@@ -211,7 +223,8 @@ class Machine:
         return self.data.vcom[0][[0, 2]].copy()
 
     def energy(self, q: np.ndarray, v: np.ndarray) -> float:
-        """Kinetic (with the rotors') and potential energy [J]."""
+        """Kinetic (with the rotors') and potential energy (with the springs') [J]."""
         rotors = 0.5 * float(np.sum(self.model.armature * v**2))
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
-        return kinetic + rotors + pin.computePotentialEnergy(self.model, self.data, q)
+        stored = self.robot.springs.energy(list(q[BASE:]))
+        return kinetic + rotors + pin.computePotentialEnergy(self.model, self.data, q) + float(stored)

@@ -121,6 +121,16 @@ class JointLosses(Strict):
 
 
 @dataclass(frozen=True)
+class SpringEnergy(Strict):
+    """What a spring beside the drives stores, and gives back: at lift-off it holds at_start + taken - given."""
+
+    at_start_J: float = stated("stored when stance begins, above the empty spring [J]")
+    taken_J: float = stated("that it takes up in stance [J]")
+    given_J: float = stated("that it gives the leg in stance [J]")
+    peak_torque_Nm: float = stated("largest torque of the hop, on a joint of coefficient 1 [N m]")
+
+
+@dataclass(frozen=True)
 class SupplyFigures(Strict):
     """What the supply gives over the hop."""
 
@@ -144,6 +154,19 @@ def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
             rates = ((motor - tau) * w - friction, friction, heat * motor**2)
             total += [over_time(table, rate) for rate in rates]
         found[joint] = JointLosses(float(total[0]), float(total[1]), float(total[2]) if known else None)
+    return found
+
+
+def spring_energies(robot: Robot, tables: Mapping[str, Table]) -> dict[str, SpringEnergy]:
+    """What each spring stores and gives back [J], from the plan's joint angles."""
+    found = dict[str, SpringEnergy]()
+    for name, law in robot.springs.laws.items():
+        angles = {phase: law.angle(np.moveaxis(t.q[..., BASE:], -1, 0)) for phase, t in tables.items()}
+        stored = law.energy(angles[STANCE].ravel())
+        steps = np.diff(stored)
+        peak = max(float(np.abs(law.torque(s)).max()) for s in angles.values())
+        gone = float(np.maximum(steps, 0).sum()), float(np.maximum(-steps, 0).sum())
+        found[name] = SpringEnergy(float(stored[0]), *gone, peak)
     return found
 
 

@@ -40,7 +40,8 @@ def upper_bound(design: Design) -> UpperBound:
     power = sum(most_power(region) for region in regions)
     height, speed = _stretched(robot, np.array([most_speed(region) for region in regions]))
     downhill = machine.mass * abs(machine.gravity[0]) * (height + abs(float(at["com"][0] - at["foot"][0])))
-    given = design.hop.stance_duration[1] * power + downhill
+    sprung = robot.springs.most_given(q_j.tolist(), design.leg)
+    given = design.hop.stance_duration[1] * power + downhill + sprung
     by_energy = np.inf if design.hop.periodic else start + given / weight
     by_speed = height + speed**2 / (2 * -machine.gravity[1])
     clearance = min(by_energy, by_speed) + _below_com(robot)

@@ -40,6 +40,7 @@ def hop_lines(s: Summary, around: Environment) -> list[str]:
         f"{s.peak_ground_force_N:.0f} N",
         *box,
         *drive_lines(s),
+        *spring_lines(s),
         *heat_lines(s),
         *nearest_lines(s.collision),
         *orbit_lines(s, around.gravity),
@@ -79,6 +80,15 @@ def drive_lines(s: Summary) -> list[str]:
         return [words]
     sags = f"voltage down to {supply.lowest_voltage_V:.1f} V, up to {supply.peak_current_A:.0f} A, {supply.energy_J:.1f} J drawn"
     return [f"{words}; supply: {sags}"]
+
+
+def spring_lines(s: Summary) -> list[str]:
+    """What each spring stores and gives back in stance."""
+    return [
+        f"spring {name}: {e.at_start_J:.1f} J stored at the start, {e.taken_J:.1f} J taken up and {e.given_J:.1f} J given in stance, "
+        f"at most {e.peak_torque_Nm:.3g} N m"
+        for name, e in (s.springs or {}).items()
+    ]
 
 
 def heat_lines(s: Summary) -> list[str]:

@@ -1,9 +1,13 @@
-"""What a leg is made of: the body, and links, each with its mass and its shapes."""
+"""What a leg is made of: the body, and links, each with its mass and its shapes, and springs beside its drives."""
 
-from hopopt.design.fields import DOWN, Number, Section, Vector, choice, quantity
+from itertools import pairwise
+from typing import Literal
+
+from hopopt.design.fields import DOWN, MOST_POINTS, EntryName, Number, Section, Vector, choice, quantity
 from hopopt.design.geometry.shape import Shape
 
 Shapes = dict[str, Shape]  # by name
+MOST_SPRINGS = 8  # of a leg
 LEAST_INERTIA = 1e-8  # [kg m^2] of a link: what a point mass is given
 
 
@@ -40,3 +44,60 @@ class Link(Section):
         "of the link, round about the line from its joint to the next", "m", 1e-4, 1, None, listed=False
     )
     shapes: Shapes | None = choice("solids of the link by name, as of the body", None, listed=False)
+
+
+class SpringTable(Section):
+    """Torque of a spring by its angle, straight between points and beyond them, its corners rounded."""
+
+    angle: tuple[Number, ...] = choice("of the spring, rising", unit="rad", min_length=2, max_length=MOST_POINTS)
+    torque: tuple[Number, ...] = choice(
+        "on its joint at these angles, positive where it turns the joint to larger angles",
+        unit="N m", min_length=2, max_length=MOST_POINTS,
+    )  # fmt: skip
+
+    def fault(self) -> str:
+        """What is wrong with the table, in words that follow its path; empty if nothing is."""
+        if len(self.angle) != len(self.torque):
+            few = f"has {len(self.angle)} angles and {len(self.torque)} torques"
+            return f"{few}: give one torque for each angle"
+        if any(b <= a for a, b in pairwise(self.angle)):
+            return "has angles that do not rise: list them in rising order, each once"
+        return ""
+
+
+class Spring(Section):
+    """A spring beside the drives, at a joint or between joints, without mass and without loss."""
+
+    stiffness: float | None = quantity(
+        "torque on its joint for each radian from its rest angle", "N m/rad", 0, 1e5, None, physical=True
+    )
+    rest_angle: float | None = quantity("at which it gives no torque", "rad", -20, 20, None, physical=True)
+    acts: Literal["everywhere", "above", "below"] = choice(
+        "where it acts: everywhere, or only above or below its rest angle, as a slack spring or an elastic end does",
+        "everywhere",
+    )
+    joints: tuple[EntryName, ...] | None = choice(
+        "joints whose angles make its angle (default: the joint it is named by)", None, min_length=1, max_length=8
+    )
+    coefficients: tuple[Number, ...] | None = choice(
+        "one for each of these joints: its angle is the sum of coefficient times joint angle (default: 1)", None
+    )
+    table: SpringTable | None = choice(
+        "torque by angle, in place of stiffness and rest_angle: {angle = [...], torque = [...]}", None
+    )
+
+    def fault(self) -> str:
+        """What is wrong with the spring by itself, in words that follow its path; empty if nothing is."""
+        given = [name for name in ("stiffness", "rest_angle") if getattr(self, name) is not None]
+        if self.table is not None and (given or self.acts != "everywhere"):
+            return f"has a table beside {given[0] if given else 'acts'}: the table says all of its torque, remove one"
+        if self.table is None and len(given) < 2:
+            return "needs stiffness and rest_angle, or a table of its torque by angle"
+        if self.joints is None and self.coefficients is not None:
+            return "has coefficients and no joints: name the joints that they belong to"
+        if self.coefficients is not None and len(self.coefficients) != len(self.joints or ()):
+            few = f"has {len(self.joints or ())} joints and {len(self.coefficients)} coefficients"
+            return f"{few}: give one coefficient for each joint"
+        if self.coefficients is not None and not all(self.coefficients):
+            return "has a coefficient of 0: leave that joint out"
+        return ""

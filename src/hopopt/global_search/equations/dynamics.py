@@ -8,6 +8,7 @@ depend on one difference and leave no Coriolis terms but centrifugal ones.
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
+from hopopt.drivetrain.kernels import add_spring_torques
 from hopopt.global_search.constants import TORQUE_LINES
 
 MARGINS = 7  # state limits: two of each joint, the heights of knee and hip, the body's descent
@@ -16,8 +17,18 @@ TOUCHING = 1e-3  # N m: by so much the bounds of a torque may cross at the very 
 
 
 @kernel
+def sprung(c, q1, q2):
+    """Generalised forces on the links (2) [N m] of springs at joint angles q1, q2 [rad]."""
+    if c.springs == 0:
+        return 0.0, 0.0
+    given = np.zeros(2)
+    add_spring_torques(c, np.array([q1, q2]), given)
+    return c.turn1 * given[0] - c.turn2 * given[1], c.turn2 * given[1]
+
+
+@kernel
 def stance_terms(c, phi1, phi2, r1, r2):
-    """Of M alpha + h = Q and of the ground force at link accelerations alpha: m12 [kg m^2], h (2) [N m], and first
+    """Of M alpha + h = Q, springs counted in h, and of the ground force at link accelerations alpha: m12 [kg m^2], h (2) [N m], and first
     moments of mass, x and z of each link [kg m], with the force without acceleration (x, z) [N]:
     f_x = f_x0 - z1 alpha1 - z2 alpha2, f_z = f_z0 + x1 alpha1 + x2 alpha2."""
     c1, s1, c2, s2 = np.cos(phi1), np.sin(phi1), np.cos(phi2), np.sin(phi2)
@@ -26,8 +37,9 @@ def stance_terms(c, phi1, phi2, r1, r2):
     slope = -c.coupling * sd - c.coupling_across * cd
     x1, z1 = c.first * c1 - c.first_across * s1, c.first * s1 + c.first_across * c1
     x2, z2 = c.second * c2 - c.second_across * s2, c.second * s2 + c.second_across * c2
-    h1 = c.gravity * x1 - slope * r2 * r2
-    h2 = slope * r1 * r1 + c.gravity * x2
+    spring1, spring2 = sprung(c, c.turn1 * phi1, c.turn2 * (phi2 - phi1))
+    h1 = c.gravity * x1 - slope * r2 * r2 - spring1
+    h2 = slope * r1 * r1 + c.gravity * x2 - spring2
     return m12, h1, h2, x1, z1, x2, z2, -x1 * r1 * r1 - x2 * r2 * r2, c.mass * c.gravity - z1 * r1 * r1 - z2 * r2 * r2
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.drivetrain.kernels import passed_torque
 from hopopt.global_search.constants import StanceConstants
-from hopopt.global_search.equations.dynamics import apex_height, torque_range
+from hopopt.global_search.equations.dynamics import apex_height, sprung, torque_range
 from hopopt.global_search.grid import OFF_GRID_VALUE, Grid, interpolate
 from hopopt.global_search.posture import best_tuck
 
@@ -71,7 +71,8 @@ def _accelerations(c, f, q1, q2, w1, w2, way1, way2):
     cd, sd = np.cos(d), np.sin(d)
     m12 = f.coupling * cd - f.coupling_across * sd + c.rotor
     slope = -f.coupling * sd - f.coupling_across * cd
-    h1, h2 = -slope * r2 * r2, slope * r1 * r1
+    spring1, spring2 = sprung(c, q1, q2)
+    h1, h2 = -slope * r2 * r2 - spring1, slope * r1 * r1 - spring2
     Q1, Q2 = c.turn1 * tau1 - c.turn2 * tau2 - h1, c.turn2 * tau2 - h2
     if way1 == 0:
         return 0.0, c.turn2 * Q2 / f.m22

@@ -6,7 +6,6 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from hopopt.design import Design
 from hopopt.drivetrain.gear import Gear
@@ -101,16 +100,12 @@ def _at_height(machine: Machine, q_j: np.ndarray) -> tuple[Any, ...]:
     ddq = -np.linalg.solve(s.jacobian, machine.stance_terms(q_j, dq).drift)
     v = np.concatenate([[0.0, 1.0], dq])
     dcom, com = machine.com_velocity(s.q, v)[1], machine.points(s.q)["com"][1]
-    rest = _forces(machine, s.q, np.zeros(4), np.zeros(4))
-    ahead = _forces(machine, s.q, np.zeros(4), v) - rest
-    fast = _forces(machine, s.q, v, np.concatenate([[0.0, 0.0], ddq])) - rest
+    rest = machine.inverse_dynamics(s.q, np.zeros(4), np.zeros(4))
+    ahead = machine.inverse_dynamics(s.q, np.zeros(4), v) - rest
+    fast = machine.inverse_dynamics(s.q, v, np.concatenate([[0.0, 0.0], ddq])) - rest
     terms = np.stack([rest, ahead, fast], axis=-1)  # (4, 3)
     torque = terms[BASE:] - np.outer(s.jacobian[1], terms[1])  # less what the vertical force takes
     return q_j, dq, ddq, com, dcom, torque, terms[1], s.jacobian[0]
-
-
-def _forces(machine: Machine, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    return pin.rnea(machine.model, machine.data, q, v, a).copy()
 
 
 def accelerations(design: Design, leg: SliderLeg, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -32,6 +32,7 @@ SLENDER = 1e-3  # moment about a link's own axis as a share of the one across it
 BALL = 0.1  # m: radius of the ball whose moments the body is given; it does not turn
 FOOT_RADIUS = 1e-6  # m: of the contact point, too small to roll anywhere
 DRAWN = 0.015  # [m] on the paper's leg: radius of what is drawn for a link
+AS_BUILT, SLACK = -1.0, 1e3  # rad: a rest length that means another to MuJoCo; one that no spring reaches
 MADE = "Made by hopopt {version}. SI units, z up."
 IN_PLANE = (
     "It moves in the x-z plane only: of the inertias the moments about y are the leg's; those about x and z, and all of "
@@ -43,6 +44,7 @@ IN_SPACE = (
 )
 TAKES_TORQUE = "A motor takes its joint's torque; its limit is the one at standstill."
 TAKES_VOLTAGE = "A motor takes the voltage at its terminals."
+SPRINGS = "The leg has springs beside its drives, which URDF does not know."
 ON_SLIDER = "The body moves on a vertical slider: its guide along x is fixed."
 
 
@@ -75,8 +77,9 @@ def to_urdf(robot: Robot) -> str:
     for name, body in zip(robot.joints, bodies[BASE:], strict=True):
         _transmission(root, robot, name, float(body.armature))
     rotors = ", ".join(f"{j} {float(b.armature)!r}" for j, b in zip(robot.joints, bodies[BASE:], strict=True))
+    springs = f" {SPRINGS}" if robot.springs else ""
     return _document(
-        robot, root, f"URDF has no rotor inertia. Add to the diagonal of the mass matrix [kg m^2]: {rotors}."
+        robot, root, f"URDF has no rotor inertia. Add to the diagonal of the mass matrix [kg m^2]: {rotors}.{springs}"
     )
 
 
@@ -134,7 +137,7 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True) -> str:
 
     The equality constraint "stance", inactive at first, pins the foot to the origin: the ideal ground. A motor takes its
     joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left to the controller.
-    Joint limits are stops. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
+    Joint limits are stops; a spring is a tendon, whose corner MuJoCo does not round; UsageError for one with a table. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
     """
     bodies, root = _bodies(robot), ET.Element("mujoco", model="leg")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -160,6 +163,7 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True) -> str:
     ET.SubElement(body, "geom", name="foot", type="sphere", size=repr(FOOT_RADIUS), pos=_text(foot))
     equality = ET.SubElement(root, "equality")
     ET.SubElement(equality, "connect", name="stance", site1="foot", site2="foothold", active="false")
+    _mjcf_springs(root, robot)
     actuators = ET.SubElement(root, "actuator")
     for name in robot.joints:
         if dc_motors:
@@ -194,6 +198,23 @@ def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) 
     limits, axis = robot.leg.joint[name], unit(robot.leg.joint[name].axis)
     joint = {"name": name, "type": "hinge", "axis": _text(axis), "range": _text((limits.lower, limits.upper))}
     ET.SubElement(body, "joint", joint, armature=_text([content.armature]))
+
+
+def _mjcf_springs(root: ET.Element, robot: Robot) -> None:
+    """Springs as tendons on joints, whose length is the spring's angle; it is slack between two lengths."""
+    tendons = ET.SubElement(root, "tendon") if robot.springs else root
+    for name, law in robot.springs.laws.items():
+        spring, p = (robot.leg.spring or {})[name], robot.parameters
+        if spring.table is not None:
+            raise UsageError(f"leg.spring.{name}.table: MuJoCo's springs have no table: give stiffness and rest_angle")
+        rest = p[f"leg.spring.{name}.rest_angle"]
+        rest = np.nextafter(rest, 0) if rest == AS_BUILT else rest
+        ends = {"everywhere": (rest, rest), "above": (-SLACK, rest), "below": (rest, SLACK)}[spring.acts]
+        stiffness = _text([p[f"leg.spring.{name}.stiffness"]])
+        fixed = ET.SubElement(tendons, "fixed", name=name, stiffness=stiffness, springlength=_text(ends))
+        for joint, coefficient in zip(robot.joints, law.coefficients, strict=True):
+            if coefficient:
+                ET.SubElement(fixed, "joint", joint=joint, coef=_text([coefficient]))
 
 
 def _mjcf_inertial(body: ET.Element, content: MovingBody) -> None:

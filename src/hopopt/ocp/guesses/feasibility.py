@@ -13,7 +13,13 @@ from hopopt.leg.kinematics import PLANE, loop_axes, reach, start_angles
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import weight
 
+UP = 1  # row of the body's vertical motion
 SINGULAR = 1e-14  # of the largest eigenvalue of the mass matrix, scaled by mass and reach: what rounding leaves of none
+
+
+def cannot_begin(design: Design, robot: Robot) -> list[str]:
+    """Sentences on what keeps a leg from moving, or from standing, in its start pose at all."""
+    return [*joints_without_inertia(design, robot), *springs_lift_the_foot(design, robot)]
 
 
 def joints_without_inertia(design: Design, robot: Robot) -> list[str]:
@@ -34,6 +40,29 @@ def joints_without_inertia(design: Design, robot: Robot) -> list[str]:
     ]
 
 
+def springs_lift_the_foot(design: Design, robot: Robot) -> list[str]:
+    """A sentence if, in the start pose at rest, springs pull the foot off the ground whatever the drives do."""
+    if not robot.springs or loop_axes(design.leg) or design.hop.periodic:
+        return []
+    q = np.concatenate([np.zeros(BASE), start_angles(design)])
+    jacobian, M = _foot_jacobian(robot, q), pin.crba(robot.model, robot.model.createData(), q)
+    M = np.triu(M) + np.triu(M, 1).T
+    columns, force = M[:, BASE:] - M[:, :BASE] @ jacobian, robot.forces_at_rest(q)
+    reduced = columns[BASE:] - jacobian.T @ columns[:BASE]
+    by_torque = np.linalg.solve(reduced.T, columns[UP])  # of the vertical ground force [N], for each N m
+    without = force[UP] - by_torque @ (force[BASE:] - jacobian.T @ force[:BASE])
+    bounds = [operating_region(design.leg, j, robot.parameters).torque_bounds(0.0) for j in design.leg.joints]
+    most = without + sum(float(np.max(by * np.array(ends))) for by, ends in zip(by_torque, bounds, strict=True))
+    if most >= design.contact.least_force:
+        return []
+    given = dict(zip(design.leg.joints, robot.spring_forces(q)[BASE:].tolist(), strict=True))
+    stated = ", ".join(f"{torque:.1f} N m at the {joint}" for joint, torque in given.items() if torque)
+    return [
+        f"springs pull the foot off the ground in the start pose at 0 s, whatever the drives do: they give {stated}; choose a "
+        "lower leg.spring stiffness, a rest_angle nearer to the start, or stronger drives"
+    ]
+
+
 def drives_too_weak(design: Design, robot: Robot) -> list[str]:
     """A sentence for each joint whose drive cannot hold the start pose, the foot on the ground."""
     if loop_axes(design.leg):  # joints can press against the guides
@@ -49,9 +78,12 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
             stated = " and ".join(f"{path} = {robot.parameters[path]:g}" for path in given)
             stronger = f"a higher {given[0]}" if cap else "a stronger motor"
             geared = ", a higher gear ratio" if given[1:] else ""
+            sprung = robot.springs.torques(start_angles(design).tolist())[k]
+            gives = f" (springs give it {sprung:.1f} N m)" if sprung else ""
+            softer = ", softer springs" if sprung * hold[k] < 0 else ""
             faults.append(
-                f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s; "
-                f"its drive gives {float(upper):.1f} N m ({stated}, for {weight(robot.model):.0f} N): {stronger}{geared}, "
+                f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s{gives}; "
+                f"its drive gives {float(upper):.1f} N m ({stated}, for {weight(robot.model):.0f} N): {stronger}{geared}{softer}, "
                 "a lighter leg.body.mass or a higher start"
             )
     return faults
@@ -59,11 +91,16 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
 
 def holding_torques(design: Design, robot: Robot) -> np.ndarray:
     """Joint torques (n) [N m] that hold the start pose, the foot on the ground, which alone carries the leg."""
-    q, data = np.concatenate([np.zeros(BASE), start_angles(design)]), robot.model.createData()
-    forces = pin.computeGeneralizedGravity(robot.model, data, q)
-    foot = robot.model.getFrameId("point_foot")
-    jacobian = pin.computeFrameJacobian(robot.model, data, q, foot, pin.LOCAL_WORLD_ALIGNED)[list(PLANE), BASE:]
+    q = np.concatenate([np.zeros(BASE), start_angles(design)])
+    forces = robot.forces_at_rest(q)
+    jacobian = _foot_jacobian(robot, q)
     return forces[BASE:] - jacobian.T @ forces[:BASE]
+
+
+def _foot_jacobian(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """How the foot's place (x, z) [m] over the body's changes with the joints' angles, (2, n)."""
+    foot, data = robot.model.getFrameId("point_foot"), robot.model.createData()
+    return pin.computeFrameJacobian(robot.model, data, q, foot, pin.LOCAL_WORLD_ALIGNED)[list(PLANE), BASE:]
 
 
 def strength(design: Design, robot: Robot) -> float:

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from hopopt import extensions
 from hopopt.design import Design, Leg
 from hopopt.design.names import names_in
-from hopopt.problem.checking.drive_rules import drive_rules, heat_rules, loss_rules
+from hopopt.problem.checking.drive_rules import drive_rules, heat_rules, loss_rules, spring_rules
 from hopopt.problem.checking.entries import entry_at, homes, unit_of, words_of
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import entry_rules, start_rules, stated_once
@@ -48,6 +48,7 @@ def check(data: dict[str, Any], report: Report, without_modules: bool = False) -
     if leg := sound("leg"):
         drive_rules(leg, report)
         shape_rules(leg, report)
+        spring_rules(leg, report)
     if design and sound("leg"):
         heat_rules(design.leg, design.ambient, report)
         margin_rules(design.leg, design.hop, report)

@@ -1,4 +1,7 @@
-"""Rules between the entries of drives: torque and speed that something bounds, whole datasheets, heat, losses, inductance."""
+"""Rules between the entries of drives: torque and speed that something bounds, whole datasheets, heat, losses, inductance, and
+of springs beside them."""
+
+import re
 
 from hopopt.design import Leg, Simulation
 from hopopt.design.leg import Supply
@@ -6,8 +9,13 @@ from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking
 from hopopt.drivetrain.operating_region.limits import Entry
+from hopopt.drivetrain.springs import joints_of
 from hopopt.drivetrain.supply import WINDING
 from hopopt.problem.checking.faults import Report
+from hopopt.problem.checking.wording import did_you_mean
+from hopopt.problem.render import shown
+
+NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
 def drive_rules(leg: Leg, report: Report) -> None:
@@ -93,6 +101,27 @@ def loss_rules(leg: Leg, simulation: Simulation, report: Report) -> None:
         paths = ", ".join(dict.fromkeys(path for path, _ in own))
         words = f"holds for no gear, as each has its own: change {paths}, or set simulation.gear_efficiency to 1"
         report.add("simulation.gear_efficiency", f"= {simulation.gear_efficiency:g} {words}")
+
+
+def spring_rules(leg: Leg, report: Report) -> None:
+    """Report springs that are named as no entry can be, lack or repeat something, or act on joints that the leg does not have."""
+    for name, spring in (leg.spring or {}).items():
+        path, joints = f"leg.spring.{name}", joints_of(name, spring)
+        unknown = [joint for joint in joints if joint not in leg.joints]
+        if not NAME.fullmatch(name):
+            report.add(path, "is no name of a spring: 1 to 64 letters, digits, _ or - are needed")
+        elif words := spring.fault():
+            report.add(path, words)
+        elif spring.table is not None and (words := spring.table.fault()):
+            report.add(f"{path}.table", words)
+        elif unknown and spring.joints is None:
+            words = f"is named by no joint{did_you_mean(name, leg.joints)}: name it by one of {', '.join(leg.joints)}"
+            report.add(path, f"{words}, or give its joints")
+        elif unknown:
+            words = f"has {shown(unknown[0])}{did_you_mean(unknown[0], leg.joints)}: it takes {', '.join(leg.joints)}"
+            report.add(f"{path}.joints", words)
+        elif len(set(joints)) < len(joints):
+            report.add(f"{path}.joints", f"= {shown(joints)} has a joint twice: once is enough")
 
 
 def _table_rules(leg: Leg, report: Report) -> None:

@@ -49,7 +49,7 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     w = v[2:]
     motor = driven(leg, w, command)
     stop = stops.torque(q[2:], w, leg.stop_lower, leg.stop_upper, leg.stiffness, leg.loss)
-    J, h = foot_jacobian(leg, joints), bias(leg, joints, centres, drift)
+    J, h = foot_jacobian(leg, joints), bias(leg, q, joints, centres, drift)
     M = mass_matrix(leg, joints, centres)
     tau, a, c, most = motor.copy(), np.zeros(n), np.zeros(2), 1 if leg.lossless else NEWTON_STEPS
     X, G, velocity = np.zeros((n + 2, 3)), np.zeros((2, 2)), np.zeros(2)

@@ -12,6 +12,7 @@ import numpy as np
 
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.kernels import add_spring_torques
 from hopopt.errors import UsageError
 from hopopt.leg.geometry.solids import BODY, SIDES
 from hopopt.leg.kinematics import can_slip
@@ -30,7 +31,7 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: Collection[str
     tip, com (n, 2): next joint, or foot, and centre of mass in the link's frame [m]
     mass, inertia, armature (n,): [kg, kg m^2]; body: mass of the body [kg]
     gravity (2,): along x and z [m/s^2]
-    the names of ``Drive.numbers``, as there
+    the names of ``Drive.numbers`` and of ``Springs.numbers``, as there
     stop_upper, stop_lower, stiffness, loss: as in ``Stops``
     """
     if not can_slip(robot.leg):
@@ -49,6 +50,7 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: Collection[str
             "body": float(model.inertias[BASE].mass),
             "gravity": np.array(model.gravity.linear)[[0, 2]],
             **drive.numbers,
+            **robot.springs.numbers(n),
             **{"stop_upper": stops.upper, "stop_lower": stops.lower, "stiffness": stops.stiffness, "loss": stops.loss},
             **_watched(robot, watched),
             **{"mu": mu, "finer": finer},
@@ -153,10 +155,13 @@ def mass_matrix(leg: Any, joints: np.ndarray, centres: np.ndarray) -> np.ndarray
 
 
 @kernel
-def bias(leg: Any, joints: np.ndarray, centres: np.ndarray, drift: np.ndarray) -> np.ndarray:
-    """Generalised forces (n + 2) of gravity, centrifugal and Coriolis forces [N, N m]: M a + bias = forces."""
+def bias(leg: Any, q: np.ndarray, joints: np.ndarray, centres: np.ndarray, drift: np.ndarray) -> np.ndarray:
+    """Generalised forces (n + 2) of gravity, centrifugal and Coriolis forces and of springs [N, N m]: M a + bias = forces."""
     n = len(centres)
+    given = np.zeros(n)
+    add_spring_torques(leg, q[2:], given)
     h = np.zeros(n + 2)
+    h[2:] = -given
     h[0], h[1] = -leg.body * leg.gravity[0], -leg.body * leg.gravity[1]
     for i in range(n):
         fx = leg.mass[i] * (drift[n + 1 + i, 0] - leg.gravity[0])

@@ -16,7 +16,7 @@ import numpy as np
 from hopopt.errors import NotSolvedError, SolverError, one_line
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.guesses.feasibility import joints_without_inertia
+from hopopt.ocp.guesses.feasibility import cannot_begin
 from hopopt.ocp.hop import Hop
 from hopopt.planner.answer.motion_figures import parts
 from hopopt.planner.answer.program_figures import limit_gains
@@ -75,7 +75,7 @@ def _solved(definition: Definition, k: int, sources: Sequence[Neighbour]) -> Kep
         until = NEVER.within(TIME_LIMIT)
         try:
             hop = Hop(definition.design_at(k), definition.objective)
-            if faults := joints_without_inertia(hop.design, hop.robot):
+            if faults := cannot_begin(hop.design, hop.robot):
                 raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
             for source, found in _answers(definition, hop, point.values, sources, until):
                 if not point.solved or _preferred(hop, found[0], point):
