@@ -24,6 +24,7 @@ PARTS = {  # of the site, in the order in which they are read
         "actuators",
         "drives",
         "rates",
+        "transmissions",
         "environment",
         "objectives",
         "periodic",

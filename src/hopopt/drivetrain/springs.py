@@ -114,8 +114,8 @@ def _broken_line(table: SpringTable) -> dict[str, Any]:
 def _least_energy(law: SpringLaw, leg: Leg) -> float:
     """Below the least energy [J] of a spring within joint limits, by no more than its greatest torque over half a step."""
     ends = np.array([(leg.joint[joint].lower, leg.joint[joint].upper) for joint in leg.joints])
-    ends = np.sort(ends * np.array(law.coefficients)[:, None], axis=1).sum(axis=0)
-    angles = np.linspace(*ends, ANGLES)
+    lowest, highest = np.sort(ends * np.array(law.coefficients)[:, None], axis=1).sum(axis=0)
+    angles = np.linspace(lowest, highest, ANGLES)
     torque, step = np.abs(law.torque(angles)).max(), angles[1] - angles[0]
     return float(law.energy(angles).min() - (torque + law.steepest * step) * step / 2)
 

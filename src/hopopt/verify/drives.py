@@ -161,7 +161,7 @@ def spring_energies(robot: Robot, tables: Mapping[str, Table]) -> dict[str, Spri
     """What each spring stores and gives back [J], from the plan's joint angles."""
     found = dict[str, SpringEnergy]()
     for name, law in robot.springs.laws.items():
-        angles = {phase: law.angle(np.moveaxis(t.q[..., BASE:], -1, 0)) for phase, t in tables.items()}
+        angles = {phase: law.angle(list(np.moveaxis(t.q[..., BASE:], -1, 0))) for phase, t in tables.items()}
         stored = law.energy(angles[STANCE].ravel())
         steps = np.diff(stored)
         peak = max(float(np.abs(law.torque(s)).max()) for s in angles.values())
