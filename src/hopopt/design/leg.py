@@ -25,6 +25,7 @@ from hopopt.design.fields import (
 )
 from hopopt.design.geometry.parts import MOST_SPRINGS, Body, Link, Spring
 from hopopt.design.hop import GRAVITY
+from hopopt.design.transmission import Transmission
 
 PAPERS_LENGTH = 0.38 + 0.361  # [m] of the paper's leg
 
@@ -168,6 +169,9 @@ class Joint(Section):
     )
     motor: MotorOverrides | None = choice("this joint's own motor values, over [leg.motor]", None, listed=False)  # type: ignore[valid-type]
     gear: GearOverrides | None = choice("this joint's own gear values, over [leg.gear]", None, listed=False)  # type: ignore[valid-type]
+    transmission: Transmission | None = choice(
+        "what lies between the joint and its drive (default: they turn together)", None, listed=False
+    )
 
 
 class Leg(Section):
@@ -231,6 +235,11 @@ class Leg(Section):
         there = self.model_copy()
         there._fall = fall
         return there
+
+    @property
+    def direct(self) -> bool:
+        """Whether every drive turns as its joint does."""
+        return all(joint.transmission is None for joint in self.joint.values())
 
     @property
     def has_trunk(self) -> bool:

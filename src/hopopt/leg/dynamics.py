@@ -11,7 +11,7 @@ only translates, so J is the unit matrix in its columns: the second equation giv
 and the first equation's body rows are f. What is left gives tau. In flight the body rows say that the centre of mass
 falls freely. So one known point gives the body's place from the joint angles: in stance the foot, pinned at the
 origin; in flight the centre of mass. No algebraic constraint, no drift, and no momentum for an optimiser to gain from
-integration error.
+integration error. Rotors turn as the joints turn the drives (drivetrain/transmission.py), and h bears what that asks.
 
 Where the guides do not follow the foot (x on a vertical slider, y where the leg leaves the plane), the pinned foot
 closes a loop: as many joints depend on the others, and as many components of the contact force are free, because
@@ -20,12 +20,13 @@ error of integration: verification says by how much.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
 
 from hopopt.drivetrain.springs import Springs
+from hopopt.drivetrain.transmission import turned
 from hopopt.leg.kinematics import PLANE, contact_axes, loop_axes
 from hopopt.leg.rigid_body import com_position, frames, point_position, rnea
 from hopopt.leg.robot import BASE, Robot, link_bodies, link_points
@@ -34,22 +35,32 @@ PLANE_ROWS = list(PLANE)
 
 
 @dataclass(frozen=True)
+class DriveMotion:
+    """The drives behind their gears at one instant: speeds w, their rates w_rate (n) [rad/s, rad/s^2], torques tau (n) [N m]."""
+
+    w: ca.SX
+    w_rate: ca.SX
+    tau: ca.SX
+
+
+@dataclass(frozen=True)
 class LegMotion:
     """The whole leg at one instant: q, v, a (BASE + n), joint torques tau (n) [N m], contact force f [N]: x and z, or
-    x, y and z where the leg leaves the plane."""
+    x, y and z where the leg leaves the plane; and its drives."""
 
     q: ca.SX
     v: ca.SX
     a: ca.SX
     tau: ca.SX
     f: ca.SX
+    drives: DriveMotion
 
 
 class LegDynamics:
     """Symbolic dynamics of a leg; ``p`` maps design-parameter paths to numbers or SX symbols."""
 
     def __init__(self, robot: Robot, p: Mapping[str, Any]):
-        self.robot, self.n = robot, len(robot.joints)
+        self.robot, self.n, self.p = robot, len(robot.joints), p
         self.bodies, self.link_points = link_bodies(robot.leg, p), link_points(robot.leg, p)
         self.springs = Springs.of(robot.leg, p)
         self.contact, self.loops = contact_axes(robot.leg), loop_axes(robot.leg)
@@ -71,11 +82,28 @@ class LegDynamics:
         return point_position(poses, self.link_points["foot"])
 
     def inverse_dynamics(self, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
-        """Generalised forces M a + nle less what springs give, shape (BASE + n,)."""
-        forces = rnea(self.robot.model, self.bodies, q, v, a)
-        if not self.springs:
+        """Generalised forces M a + nle less what springs give, shape (BASE + n,); the joints' part of q are symbols."""
+        joints = ca.SX.zeros(self.n)
+        if self.robot.leg.direct:
+            forces = rnea(self.robot.model, self.bodies, q, v, a)
+        else:
+            bare = [replace(body, armature=0.0) for body in self.bodies]
+            rotors = ca.vertcat(*[body.armature for body in self.bodies[BASE:]])
+            drives = turned(self.robot.leg, self.p, q[BASE:], v[BASE:], a[BASE:])
+            forces = rnea(self.robot.model, bare, q, v, a)
+            joints += drives.jacobian.T @ (rotors * drives.w_rate)
+        if self.springs:
+            joints -= ca.vertcat(*self.springs.torques(ca.vertsplit(q[BASE:])))
+        elif self.robot.leg.direct:
             return forces
-        return forces - ca.vertcat(ca.SX.zeros(BASE), *self.springs.torques(ca.vertsplit(q[BASE:])))
+        return forces + ca.vertcat(ca.SX.zeros(BASE), joints)
+
+    def motion(self, q: ca.SX, v: ca.SX, a: ca.SX, tau: ca.SX, f: ca.SX) -> LegMotion:
+        """The whole leg with its drives; arguments as its fields."""
+        if self.robot.leg.direct:
+            return LegMotion(q, v, a, tau, f, DriveMotion(v[BASE:], a[BASE:], tau))
+        drives = turned(self.robot.leg, self.p, q[BASE:], v[BASE:], a[BASE:])
+        return LegMotion(q, v, a, tau, f, DriveMotion(drives.w, drives.w_rate, ca.solve(drives.jacobian.T, tau)))
 
     def stance_pose(self, q_j: ca.SX, v_j: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q and v (BASE + n) with the foot pinned at the origin, and the foot Jacobian (BASE x n)."""
@@ -97,7 +125,7 @@ class LegDynamics:
         f |= {axis: loop_force[k] for k, axis in enumerate(self.loops) if loop_force is not None}
         force = ca.vertcat(*[f[axis] for axis in self.contact])
         whole = ca.jacobian(self.foot(q_j)[list(self.contact)], q_j)
-        return LegMotion(q, v, a, forces[BASE:] - whole.T @ force, force)
+        return self.motion(q, v, a, forces[BASE:] - whole.T @ force, force)
 
     def closed(self, q_j: ca.SX, v_j: ca.SX, free: ca.SX, dependent: Sequence[int]) -> ca.SX:
         """Joint accelerations (n) under which the foot stays where it is along the loop's axes; ``free`` are those of
@@ -130,4 +158,4 @@ class LegDynamics:
         q, v, jacobian = self.flight_pose(com, com_v, q_j, v_j)
         base_a = self.fall - jacobian @ a_j + ca.jtimes(v[:BASE], q_j, v_j)
         a = ca.vertcat(base_a, a_j)
-        return LegMotion(q, v, a, self.inverse_dynamics(q, v, a)[BASE:], ca.SX.zeros(len(self.contact)))
+        return self.motion(q, v, a, self.inverse_dynamics(q, v, a)[BASE:], ca.SX.zeros(len(self.contact)))

@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from hopopt.design import Leg, physical_parameters, unit
 from hopopt.drivetrain.springs import Springs
+from hopopt.drivetrain.transmission import Turning
 from hopopt.leg.geometry.solids import counted_points
 from hopopt.leg.inertia import PAIRS, tensor
 
@@ -26,7 +27,7 @@ class MovingBody:
 
     placement: its joint in the parent joint's frame [m], whose axes are parallel when all angles are zero; com:
     centre of mass in its own frame [m]; inertia: moments xx, yy, zz and products xy, xz, yz about the com
-    [kg m^2]; armature: reflected rotor inertia [kg m^2].
+    [kg m^2]; armature: rotor inertia reflected through the joint's gear [kg m^2].
     """
 
     placement: tuple[Any, ...]
@@ -65,6 +66,24 @@ class Robot:
     def forces_at_rest(self, q: np.ndarray) -> np.ndarray:
         """Generalised forces (BASE + n) [N, N m] that hold the leg still at q (BASE + n), against gravity and its springs."""
         return pin.computeGeneralizedGravity(self.model, self.model.createData(), q) - self.spring_forces(q)
+
+    @cached_property
+    def rotors(self) -> np.ndarray:
+        """Reflected inertias of what spins in front of the gears (n) [kg m^2]: in ``model`` where drives turn as joints do."""
+        return np.array([float(body.armature) for body in link_bodies(self.leg, self.parameters)[BASE:]])
+
+    @cached_property
+    def turning(self) -> Turning | None:
+        """How the joints turn the drives; None where they turn together."""
+        return None if self.leg.direct else Turning(self.leg, self.parameters, self.rotors)
+
+    def drive_speeds(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Speeds of the drives behind their gears (..., n) [rad/s] at q, v (..., BASE + n) of the leg."""
+        return self.turning.speeds(q[..., BASE:], v[..., BASE:]) if self.turning else v[..., BASE:]
+
+    def drive_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Torques of the drives behind their gears (..., n) [N m] of joint torques tau (..., n) at q (..., BASE + n)."""
+        return self.turning.drive_torques(q[..., BASE:], tau) if self.turning else tau
 
 
 def link_bodies(leg: Leg, p: Mapping[str, Any]) -> list[MovingBody]:
@@ -118,7 +137,8 @@ def build_robot(leg: Leg, parameters: Mapping[str, float] | None = None) -> Robo
         index = model.addJoint(model.njoints - 1, kind, placement, name)
         inertia = pin.Inertia(body.mass, np.array(body.com), np.array(tensor(body.inertia), dtype=float))
         model.appendBodyToJoint(index, inertia, pin.SE3.Identity())
-    model.armature = np.array([float(body.armature) for body in bodies])
+    if leg.direct:
+        model.armature = np.array([float(body.armature) for body in bodies])
     points = link_points(leg, p)
     for name, (index, offset) in points.items():
         frame = pin.Frame(f"point_{name}", index, pin.SE3(np.eye(3), np.array(offset)), pin.FrameType.OP_FRAME)

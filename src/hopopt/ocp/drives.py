@@ -23,19 +23,19 @@ DRIVE, COMMAND = "drive", "command"  # the state and the control that are added:
 
 
 def motor_torques(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
-    """What the motors are asked for at an instant (n) [N m]: the joints' torques, with what their gears lose; or the commands
+    """What the motors are asked for at an instant (n) [N m]: the drives' torques, with what their gears lose; or the commands
     to drives that have states of their own."""
     lossy = [k for k, joint in enumerate(leg.leg.joints) if lossy_gear(leg.leg, joint)]
 
     def torques(s: Instant) -> ca.SX:
-        m, p = motion(s), s.p
+        m, p = motion(s).drives, s.p
         tau = ca.vertsplit(m.tau)
         if leg.drive_states.size:
             asked = leg.asked_torques(s)
             tau = [asked[k] if k in leg.drive_states.at else tau[k] for k in range(leg.n)]
         for k in lossy:
             gear, rotor = Gear.of(leg.leg, leg.leg.joints[k], p), leg.dynamics(s).bodies[BASE + k].armature
-            tau[k] = motor_torque(gear, m.tau[k], m.v[BASE + k], m.a[BASE + k], rotor)
+            tau[k] = motor_torque(gear, m.tau[k], m.w[k], m.w_rate[k], rotor)
         return ca.vertcat(*tau)
 
     return lambda s: s.once("motor torques", lambda: torques(s))
@@ -58,7 +58,7 @@ def bus_power(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
     torques = motor_torques(leg, motion)
 
     def power(s: Instant) -> ca.SX:
-        return power_drawn(leg.leg, s.p, ca.vertsplit(torques(s)), ca.vertsplit(motion(s).v[BASE:]))
+        return power_drawn(leg.leg, s.p, ca.vertsplit(torques(s)), ca.vertsplit(motion(s).drives.w))
 
     return lambda s: s.once("bus power", lambda: power(s))
 

@@ -19,7 +19,6 @@ from hopopt.drivetrain.supply import power_limits
 from hopopt.extensions import Registry, arguments
 from hopopt.leg.geometry.above import height_rows
 from hopopt.leg.limit_id import Kind, LimitId, motor_power, torque_rate
-from hopopt.leg.robot import BASE
 from hopopt.leg.scales import descent_range
 from hopopt.ocp.drives import asked, bus_power, bus_voltage, changing
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE, MovingLeg
@@ -44,7 +43,7 @@ def drives(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
         torque, voltage = asked(leg, joint, motion), bus_voltage(leg, motion)
 
         def value(s: Instant) -> ca.SX:
-            w = motion(s).v[BASE + k]
+            w = motion(s).drives.w[k]
             return ca.vertcat(
                 *operating_region(leg.leg, joint, s.p).use(w, torque(s), voltage(s), leg.torque_rate(s, k))[::2]
             )
@@ -63,7 +62,7 @@ def mechanical_power(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
 
     def limit(k: int, joint: str) -> PathConstraint:
         torque, name = asked(leg, joint, motion), motor_power(leg.leg, joint)
-        return PathConstraint(name, lambda s: torque(s) * motion(s).v[BASE + k] / s.p[name.key], -1.0, 1.0, scale=2.0)
+        return PathConstraint(name, lambda s: torque(s) * motion(s).drives.w[k] / s.p[name.key], -1.0, 1.0, scale=2.0)
 
     capped = (leg.leg.drive(joint, "motor", "power_cap")[1] is not None for joint in leg.leg.joints)
     return tuple(limit(k, joint) for k, (joint, has) in enumerate(zip(leg.leg.joints, capped, strict=True)) if has)

@@ -38,9 +38,10 @@ class Samples:
     phase: name of the phase (k,)
     q: place of the body x, z [m], then joint angles [rad], (k, 2 + n)
     v: velocity of the body [m/s], then joint speeds [rad/s], (k, 2 + n)
+    w: speeds of the drives behind their gears (k, n) [rad/s]
     a: acceleration of the body [m/s^2] and of the joints [rad/s^2], (k, 2 + n)
     tau: joint torques (k, n) [N m]
-    command: joint torques that the motors are asked for (k, n) [N m]
+    command: torques that the motors are asked for, behind their gears (k, n) [N m]
     command_rate: how fast ``command`` changes where that is limited, else 0, (k, n) [N m/s]
     f: contact force x, z (k, 2) [N]; with y between them where the leg leaves the plane, (k, 3)
     points: name -> x, z (k, 2) [m] of every joint, "foot" and "com"
@@ -51,6 +52,7 @@ class Samples:
     phase: np.ndarray
     q: np.ndarray
     v: np.ndarray
+    w: np.ndarray
     a: np.ndarray
     tau: np.ndarray
     command: np.ndarray
@@ -73,7 +75,7 @@ class Samples:
         points = {name: p[rows] for name, p in self.points.items()}
         arrays = {
             name: getattr(self, name)[rows]
-            for name in ("t", "phase", "q", "v", "a", "tau", "command", "command_rate", "f", "com_v")
+            for name in ("t", "phase", "q", "v", "w", "a", "tau", "command", "command_rate", "f", "com_v")
         }
         return Samples(**arrays, points=points)
 
@@ -94,6 +96,7 @@ class PlanEvaluator:
             outputs = [
                 m.q,
                 m.v,
+                m.drives.w,
                 m.a,
                 m.tau,
                 motor_torques(leg, part.motion)(s),
@@ -113,12 +116,13 @@ class PlanEvaluator:
         )  # what drives and objectives add comes after
         of_leg = (np.ascontiguousarray(x.T[:states]), np.ascontiguousarray(u.T[:moving]))
         results = self.functions[phase].map(len(t))(*of_leg)
-        q, v, a, tau, command, command_rate, f, com_v, *points = (np.array(r).T for r in results)
+        q, v, w, a, tau, command, command_rate, f, com_v, *points = (np.array(r).T for r in results)
         return Samples(
             t,
             np.full(len(t), phase),
             q,
             v,
+            w,
             a,
             tau,
             command,
@@ -180,7 +184,7 @@ class Motion:
         """The bus voltage at samples, over what it is without load (k,); None without a supply that sags."""
         if self.design.leg.supply is None:
             return None
-        return voltage_share(self.design.leg, self.robot.parameters, list(s.command.T), list(s.v[:, BASE:].T))
+        return voltage_share(self.design.leg, self.robot.parameters, list(s.command.T), list(s.w.T))
 
     def sample(self, t: Any) -> Samples:
         """The whole leg at times t [s] since stance began; at lift-off and apex, flight; at touchdown, the descent.
@@ -232,7 +236,8 @@ class Motion:
         """The table of one phase, computed from its trajectory; a landing's x is counted from its foot."""
         samples, N = self._everywhere(phase, NORMALISED_TIMES), len(self.phases[phase].x_start)
         added = added_states(self.design.leg, self.robot.parameters)
-        apart = ("command",) if added.size or any_lossy(self.design.leg) else ()
+        leg = self.design.leg
+        apart = ("command",) if added.size or any_lossy(leg) or not leg.direct else ()
         arrays = {
             s: getattr(samples, s).reshape(N, len(NORMALISED_TIMES), *getattr(samples, s).shape[1:])
             for s in ("t", "q", "v", "a", "tau", "f", *apart)
@@ -276,7 +281,7 @@ def at_apex(vertical: float, at_lift_off: float) -> bool:
 def _join(parts: list[Samples]) -> Samples:
     if len(parts) == 1:
         return parts[0]
-    names = ("t", "phase", "q", "v", "a", "tau", "command", "command_rate", "f", "com_v")
+    names = ("t", "phase", "q", "v", "w", "a", "tau", "command", "command_rate", "f", "com_v")
     arrays = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
     points = {name: np.concatenate([p.points[name] for p in parts]) for name in parts[0].points}
     return Samples(**arrays, points=points)

@@ -127,7 +127,7 @@ def _torque(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
     """Torque [N m] of joint k over the band that its speed allows."""
     names = solution.robot.joints
     region = solution.region(names[k]).at(_bus_voltage(solution, motion))
-    bounds = region.torque_bounds(joined(motion, lambda s: s.v[:, k - len(names)]))
+    bounds = region.torque_bounds(joined(motion, lambda s: s.w[:, k]))
     t = joined(motion, lambda s: s.t)
     ax.fill_between(t, *bounds, label="what the drive can give", **BAND)
     for bound in bounds:
@@ -166,14 +166,14 @@ def operating_region(solution: Solution) -> Figure:
                 lw=1.2,
                 label=f"at the lowest bus voltage, {lowest:.0%}",
             )
-        by_phase(ax, motion, lambda s, k=k: s.v[:, k - len(names)], lambda s, k=k: s.command[:, k])
-        _mark_instants(ax, motion, k, k - len(names), solution.end_of_flight)
+        by_phase(ax, motion, lambda s, k=k: s.w[:, k], lambda s, k=k: s.command[:, k])
+        _mark_instants(ax, motion, k, solution.end_of_flight)
         describe(ax, "speed [rad/s]", "torque [N m]", name)
     legend(figure)
     return figure
 
 
-def _mark_instants(ax: Axes, motion: PhaseSamples, k: int, column: int, end: str) -> None:
+def _mark_instants(ax: Axes, motion: PhaseSamples, k: int, end: str) -> None:
     """Start, lift-off (on both sides: the torque may jump), the ``end`` of flight and touchdown of joint k."""
     for phase, row, marker, size, label in (
         (STANCE, 0, "o", 9, "start"),
@@ -186,7 +186,7 @@ def _mark_instants(ax: Axes, motion: PhaseSamples, k: int, column: int, end: str
         if phase not in motion:
             continue
         s, look = motion[phase], {"mfc": COLOR[phase], "mec": BLACK, "ms": size, "zorder": 4}
-        ax.plot(s.v[row, column], s.command[row, k], marker, label=label, **look)
+        ax.plot(s.w[row, k], s.command[row, k], marker, label=label, **look)
 
 
 # ---- ground force ----------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ class ShownHop:
     t: since the hop began [s], (k,)
     chain: x, z of every joint and the foot, (k, n + 1, 2) [m]
     com: x, z of the centre of mass, (k, 2) [m]
-    v, tau: speeds [rad/s] and torques [N m] of the joints, (k, n)
+    v, tau: speeds [rad/s] and torques [N m] of the drives behind their gears, (k, n)
     force: on the foot, along x and up, (k, 2) [N]
     lift_off: when the foot leaves [s]
     clearance: what the hop reaches [m]; None where it is not verified
@@ -58,7 +58,6 @@ def planned(solution: Solution, name: str) -> ShownHop:
     interval = SHOWN_INTERVAL * Scale.of(solution.design.leg).time
     even = np.linspace(0.0, solution.end, max(2, round(solution.end / interval)))
     s = solution.sample(np.union1d(even, [solution.lift_off, solution.duration]))
-    n = len(solution.robot.joints)
     clearance = solution.clearance if solution.verified else None
     force = s.f[:, [0, -1]]
     ends = f"{solution.end_of_flight}: {PLAN_ENDS}" if solution.end <= solution.duration else ""
@@ -67,7 +66,7 @@ def planned(solution: Solution, name: str) -> ShownHop:
         s.t,
         chain(s.points, solution.robot),
         s.points["com"],
-        s.v[:, -n:],
+        s.w,
         s.command,
         force,
         solution.lift_off,
@@ -88,7 +87,7 @@ def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:
         few.t,
         chain(few.points, trace.robot),
         few.points["com"],
-        few.v[:, BASE:],
+        few.w,
         few.motor,
         few.f,
         lift_off,

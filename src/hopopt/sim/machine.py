@@ -75,7 +75,7 @@ class Machine:
 
     def __init__(self, robot: Robot):
         self.robot, self.model, self.data, self.n = robot, robot.model, robot.model.createData(), len(robot.joints)
-        self.leg = robot.leg
+        self.leg, self.turning = robot.leg, robot.turning
         self.contact = list(contact_axes(robot.leg))
         self.held = [] if "x" in robot.leg.guides else [0]  # coordinates of the body that no guide lets move
         self.frames = {name: self.model.getFrameId(f"point_{name}") for name in robot.points}
@@ -100,19 +100,45 @@ class Machine:
         """(BASE + n square), with the rotors' inertia; Pinocchio fills the upper triangle."""
         M = pin.crba(self.model, self.data, q)
         M[self._lower] = M.T[self._lower]
+        if self.turning:
+            M[BASE:, BASE:] += self.turning.inertia(q[BASE:])
         return M
+
+    def bias(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Forces (BASE + n) that keep the leg from accelerating: Coriolis, centrifugal, gravity, and of rotors."""
+        forces = pin.nonLinearEffects(self.model, self.data, q, v)
+        return forces + self._of_rotors(q, v, self._nothing) if self.turning else forces
+
+    def _of_rotors(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """What rotors ask (BASE + n) where drives do not turn as joints do."""
+        assert self.turning is not None
+        return np.concatenate([self._along_guides, self.turning.force(q[BASE:], v[BASE:], a[BASE:])])
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> np.ndarray:
         """Forward dynamics [rad/s^2, m/s^2]; in contact the foot's acceleration is held at zero."""
         forces = self._forces(q, tau)
-        if not contact and not self.held:
+        if not contact and not self.held and not self.turning:
             return pin.aba(self.model, self.data, q, v, forces)
-        return pin.forwardDynamics(self.model, self.data, forces, *self._held_still(q, v, contact))
+        return self._constrained(q, v, forces, *self._held_still(q, v, contact))[0]
+
+    def _constrained(
+        self, q: np.ndarray, v: np.ndarray, forces: np.ndarray, rows: np.ndarray, drift: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Accelerations under forces where rows @ a + drift = 0, and the forces along these rows."""
+        if not self.turning:
+            a = pin.forwardDynamics(self.model, self.data, forces, rows, drift)
+            return a, self.data.lambda_c.copy()
+        M, rows = self.mass_matrix(q), rows.copy()
+        both = np.block([[M, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+        found = np.linalg.solve(both, np.concatenate([forces - self.bias(q, v), -drift]))
+        return found[: len(M)], -found[len(M) :]
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Generalised forces (BASE + n) [N, N m] of drives, guides and ground under which the leg moves so."""
-        forces = pin.rnea(self.model, self.data, q, v, a)
-        return forces - self.robot.spring_forces(q) if self.robot.springs else forces.copy()
+        forces = pin.rnea(self.model, self.data, q, v, a).copy()
+        if self.turning:
+            forces += self._of_rotors(q, v, a)
+        return forces - self.robot.spring_forces(q) if self.robot.springs else forces
 
     def _forces(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Generalised forces (BASE + n) [N, N m] of joint torques (n) [N m] and of the springs."""
@@ -138,10 +164,10 @@ class Machine:
         speeds and torques; on two guides, in the plane. Where the body is and how fast it moves changes nothing else."""
         q, v = np.concatenate([self._along_guides, q_j]), np.concatenate([self._along_guides, v_j])
         J, drift = self._held_still(q, v, True)
-        a = pin.forwardDynamics(self.model, self.data, self._forces(q, tau), J, drift)
+        a, force = self._constrained(q, v, self._forces(q, tau), J, drift)
         q[:BASE] = -pin.updateFramePlacement(self.model, self.data, self.foot).translation[self._axes]
         v[:BASE] = -J[:, BASE:] @ v_j
-        return q, v, a, self.data.lambda_c.copy()
+        return q, v, a, force
 
     def stance_terms(self, q_j: np.ndarray, v_j: np.ndarray) -> "StanceTerms":
         """The equations of motion with the foot pinned at the origin, in the joints alone."""
@@ -153,7 +179,7 @@ class Machine:
         jacobian = pin.computeFrameJacobian(self.model, self.data, q, self.foot, pin.LOCAL_WORLD_ALIGNED)[[0, 2], BASE:]
         v[:BASE] = -jacobian @ v_j
         M = self.mass_matrix(q)
-        bias = pin.nonLinearEffects(self.model, self.data, q, v) - M[:, :BASE] @ drift[[0, 2]]
+        bias = self.bias(q, v) - M[:, :BASE] @ drift[[0, 2]]
         if self.robot.springs:
             bias = bias - self.robot.spring_forces(q)
         return StanceTerms(q, v, M, bias, jacobian, drift[[0, 2]], self.held)
@@ -224,7 +250,7 @@ class Machine:
 
     def energy(self, q: np.ndarray, v: np.ndarray) -> float:
         """Kinetic (with the rotors') and potential energy (with the springs') [J]."""
-        rotors = 0.5 * float(np.sum(self.model.armature * v**2))
+        rotors = 0.5 * float(np.sum(self.robot.rotors * self.robot.drive_speeds(q, v) ** 2))
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
         stored = self.robot.springs.energy(list(q[BASE:]))
         return kinetic + rotors + pin.computePotentialEnergy(self.model, self.data, q) + float(stored)

@@ -36,7 +36,7 @@ class Trace:
     q: place of the body x, z [m], then joint angles [rad], (k, 2 + n)
     v: velocity of the body [m/s], then joint speeds [rad/s], (k, 2 + n)
     command: joint torques that the controller asks for (k, n) [N m]
-    motor: joint torques after the drives' limits (k, n) [N m]
+    motor: the drives' torques behind their gears after their limits (k, n) [N m]
     tau: joint torques after the gears' losses (k, n) [N m]
     f: contact force x, z (k, 2) [N]
     contact: whether the foot is on the ground (k,)
@@ -76,6 +76,11 @@ class Trace:
     def lowest(self) -> np.ndarray:
         """Height of the leg's lowest point (k,) [m]."""
         return np.min([self.points[name][:, 1] for name in self.robot.points], axis=0)
+
+    @cached_property
+    def w(self) -> np.ndarray:
+        """Speeds of the drives behind their gears (k, n) [rad/s]."""
+        return self.robot.drive_speeds(self.q, self.v)
 
     @cached_property
     def energy(self) -> np.ndarray:

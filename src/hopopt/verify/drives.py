@@ -14,6 +14,7 @@ from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of, mot
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion, torque_lines, within
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import WINDING, power_drawn, sag, share_at, winding_heat
+from hopopt.drivetrain.transmission import Turning
 from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, stated
 from hopopt.sim.machine import Machine
@@ -22,7 +23,7 @@ from hopopt.verify.measures import quadrature
 from hopopt.verify.replay import missed
 from hopopt.verify.table import POWERS, STANCE, TO_POWERS, Table
 
-Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
+Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # drives' speeds and torques asked to torques given
 
 
 @dataclass(frozen=True)
@@ -33,12 +34,14 @@ class Drives:
     gear: its losses; None where none are planned
     rotor: reflected inertias of what spins in front of the gears (n) [kg m^2]
     states: what the drives add of their own
+    turning: how the joints turn them; None where they turn together
     """
 
     clamp: Clamp
     gear: Gear | None
     rotor: np.ndarray
     states: AddedStates
+    turning: Turning | None = None
 
     @classmethod
     def of(cls, robot: Robot) -> Self:
@@ -46,16 +49,34 @@ class Drives:
         regions = [operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints]
         clamp = joint_clamp(regions)
         if robot.leg.supply is not None or any(region.power is not None for region in regions):
-            clamp = Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], Gear()).clamp
+            clamp = Drive.of(robot.leg, robot.parameters, robot.rotors, Gear()).clamp
         gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
-        return cls(clamp, gear, robot.model.armature[BASE:], added_states(robot.leg, robot.parameters))
+        return cls(clamp, gear, robot.rotors, added_states(robot.leg, robot.parameters), robot.turning)
 
     def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:
         """Torques (n) [N m] at the joints of the motors' torques, for q, v (BASE + n) of the leg."""
+        if self.turning is None:
+            if self.gear is None:
+                return motor
+            return self._passed(motor, v[BASE:], lambda tau: machine.acceleration(q, v, tau, contact)[BASE:])
+        J, drift = self.turning.jacobian(q[BASE:]), self.turning.drift(q[BASE:], v[BASE:])
         if self.gear is None:
-            return motor
-        found = response_to(lambda tau: machine.acceleration(q, v, tau, contact)[BASE:], len(motor))
-        return driven_joints(self.gear, motor, v[BASE:], *found, self.rotor)
+            return J.T @ motor
+        turned = lambda tau: J @ machine.acceleration(q, v, J.T @ tau, contact)[BASE:] + drift  # noqa: E731
+        return J.T @ self._passed(motor, J @ v[BASE:], turned)
+
+    def _passed(self, motor: np.ndarray, w: np.ndarray, accelerate: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """What gears make of the motors' torques at speeds w (n) of the drives, which their torques accelerate."""
+        assert self.gear is not None
+        return driven_joints(self.gear, motor, w, *response_to(accelerate, len(motor)), self.rotor)
+
+    def asked(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Torques of the drives (n) [N m] that come to tau (n) at the joints, gears' losses aside, at joint angles q (n)."""
+        return tau if self.turning is None else self.turning.drive_torques(q, tau)
+
+    def speeds(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Of the drives (n) [rad/s] at joint angles and speeds (n)."""
+        return v if self.turning is None else self.turning.speeds(q, v)
 
 
 def joint_clamp(regions: Sequence[OperatingRegion]) -> Clamp:
@@ -67,7 +88,7 @@ def joint_clamp(regions: Sequence[OperatingRegion]) -> Clamp:
 def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
     """That motors are asked for what joints and gears take; that the drives' states follow from their commands, and the
     joints' torques from these states. Nothing where drives have neither."""
-    if any_lossy(robot.leg):
+    if any_lossy(robot.leg) or not robot.leg.direct:
         yield _gears(robot, phase, table)
         yield balance(robot, Machine(robot), phase, table)
     states = added_states(robot.leg, robot.parameters)
@@ -142,14 +163,14 @@ class SupplyFigures(Strict):
 def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
     """What becomes heat in each joint's drive [J], from the plan's torques and speeds."""
     leg, p, found = robot.leg, robot.parameters, dict[str, JointLosses]()
-    rotors = robot.model.armature[BASE:]
     for k, joint in enumerate(robot.joints):
-        gear, column = Gear.of(leg, joint, p), BASE + k
+        gear = Gear.of(leg, joint, p)
         known = leg.supply is not None or all(leg.drive(joint, "motor", entry)[1] is not None for entry in WINDING)
         heat, total = winding_heat(leg, joint, p), np.zeros(3)
         for table in tables.values():
-            w, motor, tau = table.v[..., column], table.asked[..., k], table.tau[..., k]
-            out, rubbing = tau - rotors[k] * table.a[..., column], replace(gear, efficiency=1.0, knots=(), bends=())
+            w, w_rate, driven = (each[..., k] for each in at_drives(robot, table))
+            motor, tau = table.asked[..., k], driven
+            out, rubbing = tau - robot.rotors[k] * w_rate, replace(gear, efficiency=1.0, knots=(), bends=())
             friction = (teeth_torque(out, w, *rubbing.law(w)) - out) * w
             rates = ((motor - tau) * w - friction, friction, heat * motor**2)
             total += [over_time(table, rate) for rate in rates]
@@ -178,7 +199,7 @@ def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures |
     lowest, peak, energy = np.inf, 0.0, 0.0
     for table in tables.values():
         power = power_drawn(
-            leg, p, list(np.moveaxis(table.asked, -1, 0)), list(np.moveaxis(table.v[..., BASE:], -1, 0))
+            leg, p, list(np.moveaxis(table.asked, -1, 0)), list(np.moveaxis(robot.drive_speeds(table.q, table.v), -1, 0))
         )
         voltage = leg.supply.voltage * share_at(sag(leg, p), power)
         lowest = min(lowest, float(voltage.min()))
@@ -190,12 +211,21 @@ def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures |
 def balance(robot: Robot, machine: Machine, phase: str, table: Table) -> Check:
     """Work and heat that the motors draw = energy gained + what gears and windings turn into heat, relative to it."""
     lost = losses(robot, {phase: table})
-    columns = list(np.moveaxis(table.asked, -1, 0)), list(np.moveaxis(table.v[..., BASE:], -1, 0))
+    columns = [np.moveaxis(each, -1, 0) for each in (table.asked, robot.drive_speeds(table.q, table.v))]
     drawn = sum(over_time(table, tau * w) for tau, w in zip(*columns, strict=True))
     gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
     heat = sum(x.gear + x.friction for x in lost.values())
     size = sum(over_time(table, np.abs(tau * w)) for tau, w in zip(*columns, strict=True))
     return Check(f"{phase} energy of the drives", abs(drawn - gained - heat) / max(size, 1e-3), BALANCE, "relative")
+
+
+def at_drives(robot: Robot, table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Speeds [rad/s], their rates [rad/s^2] and torques [N m] of the drives behind their gears, (N, K, n) each: the joints' where
+    they turn together, else the rates as slopes of the speeds' polynomials."""
+    if robot.leg.direct:
+        return table.v[..., BASE:], table.a[..., BASE:], table.tau
+    w = robot.drive_speeds(table.q, table.v)
+    return w, table.rate(w), robot.drive_torques(table.q, table.tau)
 
 
 def over_time(table: Table, rate: np.ndarray) -> float:
@@ -208,8 +238,8 @@ def _gears(robot: Robot, phase: str, table: Table) -> Check:
     name = f"{phase} gears"
     if table.command is None:
         return Check(name, np.inf, EXACT, "relative", "the plan has no torques of its motors")
-    gear, rotor = gears_of(robot.leg, robot.parameters), robot.model.armature[BASE:]
-    needed = motor_torque(gear, table.tau, table.v[..., BASE:], table.a[..., BASE:], rotor)
+    w, w_rate, tau = at_drives(robot, table)
+    needed = motor_torque(gears_of(robot.leg, robot.parameters), tau, w, w_rate, robot.rotors)
     wrong = np.abs(needed - table.command).max(axis=(1, 2))
     where = f"interval from {table.t[int(np.argmax(wrong)), 0]:.4f} s"
     return Check(name, float(wrong.max()) / float(np.abs(table.command).max()), EXACT, "relative", where)

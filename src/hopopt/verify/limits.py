@@ -44,14 +44,15 @@ def limits_of(
     ``window``: the foot's window is one; rates of tau (k, n) [N m/s] and f (k, 2) [N/s], if they
     are to be looked at."""
     (q, v, tau, f), contact = motion, phase in STANDING
-    columns = list(tau.T), list(v[:, BASE:].T)
+    w = robot.drive_speeds(q, v)
+    columns = list(tau.T), list(w.T)
     voltage = voltage_share(design.leg, robot.parameters, *columns) if design.leg.supply else None
     found: dict[LimitId, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
         region = operating_region(design.leg, joint, robot.parameters)
-        use = np.array(region.use(v[:, BASE + k], tau[:, k], voltage, None if rates is None else rates[0][:, k]))
+        use = np.array(region.use(w[:, k], tau[:, k], voltage, None if rates is None else rates[0][:, k]))
         if region.power is not None:
-            found[motor_power(design.leg, joint)] = (np.abs(tau[:, k] * v[:, BASE + k]) / region.power - 1.0) / 2
+            found[motor_power(design.leg, joint)] = (np.abs(tau[:, k] * w[:, k]) / region.power - 1.0) / 2
         found[LimitId(Kind.REGION, joint)] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]

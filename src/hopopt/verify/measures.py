@@ -61,11 +61,17 @@ def integral(table: Table, values: np.ndarray) -> float:
     return float(h @ np.trapezoid(values, SAMPLES_OF_INTERVAL, axis=1))
 
 
-def _over_phases(tables: Tables, rate: Callable[[np.ndarray, np.ndarray], np.ndarray], torque: str = "tau") -> float:
-    """Integral over all phases of rate(tau, w), both (N, 201, n), summed over the joints; ``torque``: the table's."""
+def _over_phases(
+    tables: Tables,
+    rate: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    torque: str = "tau",
+    speeds: Callable[[Table], np.ndarray] = lambda table: table.v[..., BASE:],
+) -> float:
+    """Integral over all phases of rate(tau, w), both (N, 201, n), summed over the joints; ``torque``: the table's; speeds: of
+    a table (N, K, n), by default the joints'."""
     total = 0.0
     for table in tables.values():
-        tau, w = (finely(table, x) for x in (getattr(table, torque), table.v[..., BASE:]))
+        tau, w = (finely(table, x) for x in (getattr(table, torque), speeds(table)))
         total += integral(table, rate(tau, w).sum(axis=-1))
     return total
 
@@ -90,7 +96,7 @@ def electrical_energy(robot: Robot, tables: Tables, hop: HopSettings) -> float:
         current = tau / of_drives("gear", "ratio") / of_drives("motor", "torque_constant")
         return np.maximum(tau * w + of_drives("motor", "winding_resistance") * current**2, 0.0)
 
-    return _over_phases(tables, rate, "asked")
+    return _over_phases(tables, rate, "asked", lambda table: robot.drive_speeds(table.q, table.v))
 
 
 def joint_work(table: Table) -> tuple[float, float]:
@@ -123,7 +129,8 @@ def region_share(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        tau, w, rate = (finely(table, each) for each in (table.asked, table.v[..., BASE:], table.asked_rate))
+        speeds = robot.drive_speeds(table.q, table.v)
+        tau, w, rate = (finely(table, each) for each in (table.asked, speeds, table.asked_rate))
         columns = [np.moveaxis(each, -1, 0) for each in (tau, w)]
         voltage = voltage_share(robot.leg, robot.parameters, *map(list, columns)) if robot.leg.supply else None
         for k, joint in enumerate(robot.joints):

@@ -38,7 +38,10 @@ def upper_bound(design: Design) -> UpperBound:
     at = machine.points(np.concatenate([np.zeros(BASE), q_j]))
     start = float(at["com"][1] - at["foot"][1])
     power = sum(most_power(region) for region in regions)
-    height, speed = _stretched(robot, np.array([most_speed(region) for region in regions]))
+    speeds = np.array([most_speed(region) for region in regions])
+    height, speed = _stretched(robot, speeds if robot.leg.direct else np.zeros(len(speeds)))
+    if not robot.leg.direct:
+        speed = np.inf  # of a joint at any angle, which a speed of its drive does not tell
     downhill = machine.mass * abs(machine.gravity[0]) * (height + abs(float(at["com"][0] - at["foot"][0])))
     sprung = robot.springs.most_given(q_j.tolist(), design.leg)
     given = design.hop.stance_duration[1] * power + downhill + sprung

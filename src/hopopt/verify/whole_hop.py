@@ -21,7 +21,7 @@ from hopopt.leg.scales import Scale
 from hopopt.record import Real, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
-from hopopt.verify.drives import Clamp, Drives
+from hopopt.verify.drives import Drives
 from hopopt.verify.hops.periodic import closure, joints_at
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES, Measures
@@ -156,7 +156,7 @@ def whole_hop_rollout(
         limit_words(name, limit): float(excess.max())
         for name, table in found.items()
         for limit, excess in limits_of(
-            machine, robot, design, name, tuple(table.flat("q", "v", "tau", "f")), windowed(design, name, ends)
+            machine, robot, design, name, tuple(table.flat("q", "v", "asked", "f")), windowed(design, name, ends)
         ).items()
         if limit.kind is not Kind.REGION  # kept by clamping
     }
@@ -219,25 +219,30 @@ def _simulated(machine: Machine, drives: Drives, plan: Table, state: LegState, c
     """One phase from ``state``: its table, and the state in which it ends."""
     rows, unit = list[tuple[np.ndarray, ...]](), Scale.of(machine.leg).time
     for k in range(len(plan.t)):
-        torque = _law(machine, drives.clamp, plan.q[k], plan.v[k], plan.asked[k], contact, unit)
+        torque = _law(machine, drives, plan.q[k], plan.v[k], plan.asked[k], contact, unit)
         rows.append(_interval(machine, drives, torque, plan.t[k], state, contact, plan.asked_rate[k], FOLLOWS * unit))
         state = rows[-1][0][-1], rows[-1][1][-1], rows[-1][-1][-1]
     q, v, a, tau, f, motor, _ = (np.array(part) for part in zip(*rows, strict=True))
-    return Table(plan.t, q, v, a, tau, f, motor if drives.gear else None), state
+    return Table(plan.t, q, v, a, tau, f, motor if drives.gear or drives.turning else None), state
 
 
 def _law(
-    machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool, unit: float
+    machine: Machine, drives: Drives, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool, unit: float
 ) -> Law:
     """The plan's torque in one interval (values at NORMALISED_TIMES), kept to its motion by feedback and within the regions; ``unit``
     of time [s]."""
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
     rate = FEEDBACK_RATE / unit
     stiffness, damping = rate**2 * inertia, 2 * rate * inertia
-    ahead = (TO_POWERS @ (tau + q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T)).T
+    toward = q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T
+    ahead, planned = (TO_POWERS @ (tau + toward)).T, (TO_POWERS @ tau).T
 
     def torque(place: float, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        return clamp(speed, ahead @ (2 * place - 1) ** POWERS - stiffness @ angle - damping @ speed)
+        powers = (2 * place - 1) ** POWERS
+        if drives.turning is None:
+            return drives.clamp(speed, ahead @ powers - stiffness @ angle - damping @ speed)
+        back = (ahead - planned) @ powers - stiffness @ angle - damping @ speed
+        return drives.clamp(drives.speeds(angle, speed), planned @ powers + drives.asked(angle, back))
 
     return torque
 
@@ -270,7 +275,7 @@ def _interval(
         if limited:
             motor[limited] = own
             tau = motor = drives.clamp(v[BASE - first :], motor)
-        if drives.gear:
+        if drives.gear or drives.turning:
             nowhere = np.zeros(first)
             tau = drives.at_joints(machine, np.concatenate([nowhere, q]), np.concatenate([nowhere, v]), motor, contact)
         if not contact:

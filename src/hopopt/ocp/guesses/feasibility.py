@@ -26,6 +26,8 @@ def joints_without_inertia(design: Design, robot: Robot) -> list[str]:
     """A sentence if joints turn without inertia in the start pose: no force moves such a leg in a way that is known."""
     q = np.concatenate([np.zeros(BASE), start_angles(design)])
     M = pin.crba(robot.model, robot.model.createData(), q)  # its upper triangle
+    if robot.turning:
+        M[BASE:, BASE:] += robot.turning.inertia(q[BASE:])
     scale = np.array([1.0] * BASE + [reach(design.leg)] * len(design.leg.joints))
     values, motions = np.linalg.eigh(M / np.outer(scale, scale), UPLO="U")
     free = np.abs(motions[BASE:, values <= SINGULAR * values[-1]]).max(axis=1, initial=0.0)
@@ -90,11 +92,12 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
 
 
 def holding_torques(design: Design, robot: Robot) -> np.ndarray:
-    """Joint torques (n) [N m] that hold the start pose, the foot on the ground, which alone carries the leg."""
+    """Torques (n) [N m] of the drives, behind their gears, that hold the start pose, the foot on the ground, which alone
+    carries the leg."""
     q = np.concatenate([np.zeros(BASE), start_angles(design)])
     forces = robot.forces_at_rest(q)
     jacobian = _foot_jacobian(robot, q)
-    return forces[BASE:] - jacobian.T @ forces[:BASE]
+    return robot.drive_torques(q, forces[BASE:] - jacobian.T @ forces[:BASE])
 
 
 def _foot_jacobian(robot: Robot, q: np.ndarray) -> np.ndarray:

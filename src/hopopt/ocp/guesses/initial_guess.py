@@ -90,7 +90,7 @@ def starts_of(hop: Hop, count: int) -> list[StartGuess]:
 
 def make_guess(hop: Hop, start: StartGuess) -> dict[str, Guess]:
     """The start as guesses of the phases, by phase name."""
-    simple = start == NAMED_STARTS[0] and two_joints(hop.leg) and not hop.loops
+    simple = start == NAMED_STARTS[0] and two_joints(hop.leg) and not hop.loops and hop.leg.direct
     stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
     push = there_and_back(hop, stance) if hop.design.hop.periodic else stance
     return _all_phases(hop, _without_dependent(hop, push), _flight_guess(hop, stance))

@@ -82,4 +82,7 @@ def gear_impulse(leg: MovingLeg, s: Instant) -> ca.SX:
     """What each gear passes on to stop or start its rotor in the impact, joint side [N m s], (n,)."""
     dynamics = leg.dynamics(s)
     rotors = ca.vertcat(*[body.armature for body in dynamics.bodies[BASE:]])
-    return rotors * (impact_at(leg, s)[0] - leg.flight_pose(s)[1])[BASE:]
+    q, v = leg.flight_pose(s)
+    after = impact_at(leg, s)[0]
+    still = ca.SX.zeros(BASE + leg.n)
+    return rotors * dynamics.motion(q, after - v, still, still[BASE:], still[BASE:]).drives.w

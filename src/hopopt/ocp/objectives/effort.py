@@ -58,7 +58,7 @@ def _power(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
 
 def _of_motors(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     """Mechanical power of every motor [W], (n,)."""
-    return motor_torques(hop, motion)(s) * motion(s).v[BASE:]
+    return motor_torques(hop, motion)(s) * motion(s).drives.w
 
 
 def _losses(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
@@ -140,7 +140,7 @@ def _region_share(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]
         torque, voltage = asked(hop, joint, phase.motion), bus_voltage(hop, phase.motion)
 
         def both(s: Instant) -> ca.SX:
-            w, share = phase.motion(s).v[BASE + k], s.p["share"]
+            w, share = phase.motion(s).drives.w[k], s.p["share"]
             used = ca.vertcat(
                 *operating_region(hop.leg, joint, s.p).use(w, torque(s), voltage(s), hop.torque_rate(s, k))[::2]
             )

@@ -124,7 +124,7 @@ def saturation_mean(plan: Motion, stance: Samples) -> dict[str, float]:
     """C_avg of every joint in stance (the paper's eq. 18), capped at 1 between the nodes."""
     means, voltage = {}, plan.voltage(stance)
     for k, joint in enumerate(plan.robot.joints):
-        ratio = plan.region(joint).at(voltage).saturation(stance.v[:, BASE + k], stance.command[:, k])
+        ratio = plan.region(joint).at(voltage).saturation(stance.w[:, k], stance.command[:, k])
         means[joint] = _time_mean(stance, np.minimum(ratio, 1.0))
     return means
 
@@ -145,10 +145,10 @@ def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
     leg, size, voltage = plan.design.leg, reach(plan.design.leg), plan.voltage(stance)
     for k, joint in enumerate(plan.robot.joints):
         region, angle = plan.region(joint), stance.q[:, BASE + k]
-        use = np.array(region.use(stance.v[:, BASE + k], stance.command[:, k], voltage, stance.command_rate[:, k]))
+        use = np.array(region.use(stance.w[:, k], stance.command[:, k], voltage, stance.command_rate[:, k]))
         shares[str(LimitId(Kind.REGION, joint))] = use.max(axis=0) > 1 - ACTIVE
         if region.power is not None:
-            drawn = np.abs(stance.v[:, BASE + k] * stance.command[:, k])
+            drawn = np.abs(stance.w[:, k] * stance.command[:, k])
             shares[str(motor_power(leg, joint))] = drawn > (1 - ACTIVE) * region.power
         margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)

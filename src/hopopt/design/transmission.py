@@ -1,0 +1,84 @@
+"""What lies between a joint and its drive: the tables [leg.<joint>.transmission]."""
+
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import Field
+
+from hopopt.design.fields import Section, choice, quantity
+
+MOST_RATIOS = 12  # points of a table of ratios
+Angle = Annotated[float, Field(ge=-7, le=7, allow_inf_nan=False)]
+Ratio = Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)]
+
+
+class Linear(Section):
+    """A ratio that changes in proportion to the joint's angle: gear.ratio (1 + slope (q - at))."""
+
+    slope: float = quantity("relative change of the ratio by the joint's angle", "1/rad", -100, 100, physical=True)
+    at: float = quantity("angle of the joint at which gear.ratio holds", "rad", -7, 7, 0.0, physical=True)
+
+
+class Rod(Section):
+    """A linear actuator between a pivot on the link before the joint and one on the link behind it."""
+
+    base: float = quantity("from the joint to the pivot before it", "m", 1e-3, 10, physical=True)
+    arm: float = quantity("from the joint to the pivot behind it", "m", 1e-3, 10, physical=True)
+    folded: float = quantity("angle of the joint at which both pivots lie in one direction", "rad", -7, 7, physical=True)
+    travel: float = quantity("of the rod for each radian that its drive turns", "m/rad", 1e-6, 1, physical=True)
+
+
+class FourBar(Section):
+    """A crank that a drive turns, and a rod from it to the link behind the joint."""
+
+    ground: float = quantity("from the crank's pivot to the joint", "m", 1e-3, 10, physical=True)
+    crank: float = quantity("length of the crank", "m", 1e-3, 10, physical=True)
+    rod: float = quantity("length of the rod", "m", 1e-3, 10, physical=True)
+    arm: float = quantity("from the joint to the rod's end on its link", "m", 1e-3, 10, physical=True)
+    stretched: float = quantity(
+        "angle of the joint at which the arm points away from the crank's pivot", "rad", -7, 7, physical=True
+    )
+    crossed: bool = choice("whether the rod crosses the line from the crank's pivot to the joint", False)
+
+
+class RatioTable(Section):
+    """A ratio by the joint's angle, by a monotone cubic spline through points, level before and behind them."""
+
+    angle: tuple[Angle, ...] = choice("of the joint, rising", unit="rad", min_length=2, max_length=MOST_RATIOS)
+    ratio: tuple[Ratio, ...] = choice(
+        "at these angles, over gear.ratio", unit="1", min_length=2, max_length=MOST_RATIOS
+    )
+
+    def fault(self) -> str:
+        """What is wrong with the table, in words that follow its path; empty if nothing is."""
+        steps = [b - a for a, b in pairwise(self.ratio)]
+        if len(self.angle) != len(self.ratio):
+            return f"has {len(self.angle)} angles and {len(self.ratio)} ratios: give one ratio for each angle"
+        if any(b <= a for a, b in pairwise(self.angle)):
+            return "has angles that do not rise: list them in rising order, each once"
+        if min(steps) < 0 < max(steps):
+            return "is not monotone in the angle: give ratios that only fall, or only rise"
+        return ""
+
+
+class Coupled(Section):
+    """Another joint that turns a drive too, through a belt, parallel rods or a differential."""
+
+    ratio: float = quantity("turns of the drive, behind its gear, for one of that joint", "1", -100, 100, physical=True)
+
+
+class Transmission(Section):
+    """How joints turn the drive of a joint, behind its gear: by one law of its own angle, and by other joints' angles."""
+
+    linear: Linear | None = choice("a ratio that changes in proportion to the angle", None, listed=False)
+    rod: Rod | None = choice("a linear actuator", None, listed=False)
+    four_bar: FourBar | None = choice("a crank and a rod", None, listed=False)
+    table: RatioTable | None = choice("a ratio by angle", None, listed=False)
+    coupling: dict[str, Coupled] | None = choice(
+        "other joints that turn the drive too: of a belt whose motor sits on the body, {hip = {ratio = 1}}", None, listed=False
+    )
+
+    @property
+    def law(self) -> str | None:
+        """Name of the law of its joint's own angle; None where the drive turns as the joint does."""
+        return next((name for name in ("linear", "rod", "four_bar", "table") if getattr(self, name) is not None), None)

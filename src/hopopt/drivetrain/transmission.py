@@ -1,0 +1,147 @@
+"""How the joints of a leg turn its drives: belts, rods, cranks, ratios that change with the angle.
+
+A drive turns by theta(q) behind its gear: by a law of its own joint's angle, and by other joints' angles in constant
+proportion. With J = d theta / d q, speed w, torque tau_d of the drives and reflected inertia A of what spins in front of
+their gears,
+
+    w = J v,    tau = J' tau_d,    w' = J a + (dJ/dt) v,    and the leg bears J' A w' besides its own M a + h.
+
+Where every drive turns as its joint does, J is the unit matrix. A law is a function of the angle, its entry of ``LAWS``; what
+derives from it is found by CasADi. Laws of linkages: plane geometry by the law of cosines, as in Norton, Design of Machinery.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from hopopt.design import Leg
+from hopopt.design.transmission import Transmission
+
+Law = Callable[[Transmission, Callable[[str], Any], Any], Any]  # of a joint's table, its parameters, its angle [rad]
+
+
+def linear(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
+    """The ratio is 1 + slope (q - at) times that of the gear."""
+    away = q - entry("at")
+    return away + entry("slope") * away**2 / 2
+
+
+def rod(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
+    """The length of a rod between two pivots, base and arm from the joint, over its travel by radian."""
+    base, arm = entry("base"), entry("arm")
+    return ca.sqrt(base**2 + arm**2 - 2 * base * arm * ca.cos(q - entry("folded"))) / entry("travel")
+
+
+def four_bar(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
+    """Angle of the crank whose rod ends at (ground + arm cos phi, arm sin phi) from its pivot, phi from the stretched angle."""
+    assert table.four_bar is not None
+    ground, crank, length, arm = (entry(name) for name in ("ground", "crank", "rod", "arm"))
+    phi = q - entry("stretched")
+    x, z = ground + arm * ca.cos(phi), arm * ca.sin(phi)
+    share = (crank**2 + x**2 + z**2 - length**2) / (2 * crank * ca.sqrt(x**2 + z**2))
+    return ca.atan2(z, x) + (1 if table.four_bar.crossed else -1) * ca.acos(share)
+
+
+def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
+    """The integral of a monotone cubic spline through the ratios, level before and behind its points."""
+    assert table.table is not None
+    knots = np.array(table.table.angle)
+    pieces = PchipInterpolator(knots, table.table.ratio).antiderivative().c  # by falling powers of q - knot, each piece's own
+    theta = table.table.ratio[0] * ca.fmin(q - knots[0], 0.0) + table.table.ratio[-1] * ca.fmax(q - knots[-1], 0.0)
+    for k, start in enumerate(knots[:-1]):
+        part = ca.fmin(ca.fmax(q - start, 0.0), knots[k + 1] - start)
+        theta += sum(c * part**n for n, c in zip((4, 3, 2, 1), pieces[:4, k].tolist(), strict=True))
+    return theta
+
+
+LAWS: dict[str, Law] = {"linear": linear, "rod": rod, "four_bar": four_bar, "table": table}
+
+
+def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
+    """theta (n) [rad] of the drives behind their gears at joint angles q (n), from parameter values or symbols by their paths."""
+    found = []
+    for k, joint in enumerate(leg.joints):
+        between, path = leg.joint[joint].transmission, f"leg.{joint}.transmission"
+        if between is None:
+            found.append(q[k])
+            continue
+        law = between.law
+        own = q[k] if law is None else LAWS[law](between, lambda name, at=f"{path}.{law}": p[f"{at}.{name}"], q[k])
+        others = (
+            p[f"{path}.coupling.{other}.ratio"] * q[leg.joints.index(other)] for other in between.coupling or ()
+        )
+        found.append(own + sum(others))
+    return ca.vertcat(*found)
+
+
+@dataclass(frozen=True)
+class Turned:
+    """The drives at one instant: w, w_rate (n) [rad/s, rad/s^2] of what is behind their gears; jacobian: d theta / d q (n, n)."""
+
+    w: ca.SX
+    w_rate: ca.SX
+    jacobian: ca.SX
+
+
+def turned(leg: Leg, p: Mapping[str, Any], q: ca.SX, v: ca.SX, a: ca.SX) -> Turned:
+    """The drives of joint angles q, which are symbols, speeds v and accelerations a (n) [rad, rad/s, rad/s^2]."""
+    jacobian = ca.jacobian(drive_angles(leg, p, q), q)
+    w = jacobian @ v
+    return Turned(w, jacobian @ a + ca.jtimes(w, q, v), jacobian)
+
+
+class Turning:
+    """The same in numbers.
+
+    rotors: reflected inertias of what spins in front of the gears (n) [kg m^2]
+    """
+
+    def __init__(self, leg: Leg, p: Mapping[str, float], rotors: np.ndarray):
+        self.leg, self.p, self.rotors = leg, p, rotors
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Turning, (self.leg, self.p, self.rotors)
+
+    @cached_property
+    def _at(self) -> ca.Function:
+        n = len(self.leg.joints)
+        q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
+        found = turned(self.leg, self.p, q, v, ca.SX.zeros(n))
+        return ca.Function("turning", [q, v], [ca.densify(found.jacobian), found.w_rate])
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """d theta / d q (n, n) at joint angles q (n)."""
+        return self._at(q, 0.0)[0].full()
+
+    def drift(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(dJ/dt) v (n) [rad/s^2]: how the drives speed up where no joint does."""
+        return self._at(q, v)[1].full()[:, 0]
+
+    def speeds(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Speeds of the drives behind their gears at q, v (..., n) [rad, rad/s]."""
+        return np.einsum("...ij,...j->...i", self._jacobians(q), v)
+
+    def drive_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Torques of the drives (..., n) [N m] that come to tau (..., n) at the joints."""
+        return np.linalg.solve(np.swapaxes(self._jacobians(q), -1, -2), tau[..., None])[..., 0]
+
+    def inertia(self, q: np.ndarray) -> np.ndarray:
+        """J' A J (n, n) [kg m^2]: what the rotors add to the joints' mass matrix."""
+        J = self.jacobian(q)
+        return J.T @ (self.rotors[:, None] * J)
+
+    def force(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """J' A w' (n) [N m]: what the rotors ask of the joints."""
+        J = self.jacobian(q)
+        return J.T @ (self.rotors * (J @ a + self.drift(q, v)))
+
+    def _jacobians(self, q: np.ndarray) -> np.ndarray:
+        rows = q.reshape(-1, q.shape[-1])
+        n = rows.shape[1]
+        found = self._at.map(len(rows))(rows.T, np.zeros((n, len(rows))))[0].full()
+        return np.moveaxis(found.reshape(n, len(rows), n), 0, 1).reshape(*q.shape, n)
