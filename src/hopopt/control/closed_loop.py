@@ -115,11 +115,18 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
             "whose joints all turn about the y axis"
         )
     robot = build_robot(design.leg)
-    states, rotor = added_states(design.leg, robot.parameters), robot.model.armature[BASE:]
-    drive = Drive.of(design.leg, robot.parameters, rotor, gear_of(design), torque_gain=torque_gain, states=states)
+    drive = Drive.of(
+        design.leg, robot.parameters, robot.rotors, gear_of(design), torque_gain=torque_gain,
+        states=added_states(design.leg, robot.parameters), turning=robot.turning,
+    )  # fmt: skip
     friction = design.contact.friction
     watched = points_above_ground(design)
-    if not can_slip(design.leg) or (friction is None and drive.states):
+    if friction is not None and robot.turning:
+        raise UsageError(
+            f"{design.name}: a foot that may slip is simulated with drives that turn as their joints do: leave out the joints' "
+            "transmissions or contact.friction"
+        )
+    if not can_slip(design.leg) or (friction is None and (drive.states or robot.turning)):
         return Plant(robot, drive, watched, finer)
     return RoughGround(robot, drive, np.inf if friction is None else friction, watched, finer)
 
@@ -226,7 +233,7 @@ def in_mujoco(
             measured = encoder.read(q[BASE:], v[BASE:])
             command = controller.torque(Measurement(t, *measured, contact, t - now.since, now.landings))
         asked.append(command)
-        return plant.drive.torque(
+        return plant.drive.at(q[BASE:]).torque(
             v[BASE:], asked[0], None, lambda tau: machine.acceleration(q, v, tau, contact)[BASE:]
         )[1]
 

@@ -74,7 +74,7 @@ class CounterMovement(Force):
     def _risen(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] of the push; once the ground would have to pull on a leg that rises, those that draw it up."""
         tau = self.upright(s, self._knee(now.q, now.v))
-        if self.aim is None and s.v[1] > 0 and s.contact_force(self.drive.clamp(now.v, tau))[1] < self.light:
+        if self.aim is None and s.v[1] > 0 and s.contact_force(self.drive.at(now.q).clamp(now.v, tau))[1] < self.light:
             self.aim = self._aim(now)
         return self.drawing_up.torque(now.q, now.v, self.aim.pose) if self.drawing_up and self.aim else tau
 
@@ -112,7 +112,7 @@ class CounterMovement(Force):
         while t < IN_TIME * self.design.hop.stance_duration[1] and y < (1 - LAST) * stretched:
             q, v = self.with_rates(y, rate)
             s = self.machine.stance_terms(q, v)
-            tau = self.drive.clamp(v, self.upright(s, self._knee(q, v)))
+            tau = self.drive.at(q).clamp(v, self.upright(s, self._knee(q, v)))
             a = s.acceleration(tau)
             if s.contact_force(tau)[1] < 0:
                 break

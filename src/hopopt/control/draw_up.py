@@ -13,6 +13,7 @@ import numpy as np
 
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED, OperatingRegion
+from hopopt.drivetrain.transmission import turned
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import spread
 from hopopt.leg.robot import BASE, Robot
@@ -77,17 +78,20 @@ class DrawingUp:
         n = len(robot.joints)
         q, v, pose = (ca.SX.sym(name, n) for name in ("q", "v", "pose"))
         M, bias = _motion(robot)(q, v)
-        bounds = [[ca.vertcat(*side) for side in r.torques_at(v[k])] for k, r in enumerate(regions)]
+        J = ca.DM.eye(n) if robot.leg.direct else turned(robot.leg, robot.parameters, q, v, v).jacobian
+        w, at_drives = J @ v, (lambda tau: tau) if robot.leg.direct else (lambda tau: ca.solve(J.T, tau))
+        bounds = [[ca.vertcat(*side) for side in r.torques_at(w[k])] for k, r in enumerate(regions)]
         least, most = ca.vertcat(*[ca.mmax(x) for x, _ in bounds]), ca.vertcat(*[ca.mmin(x) for _, x in bounds])
 
         def clamped(wanted: ca.SX) -> ca.SX:
-            return ca.if_else(least <= most, ca.fmax(ca.fmin(wanted, most), least), 0.0)
+            return ca.if_else(least <= most, ca.fmax(ca.fmin(at_drives(wanted), most), least), 0.0)
 
-        strength = ca.fabs(clamped(-ca.sign(pose - q) * UNBOUNDED))
+        strength = ca.fabs(J.T @ clamped(-ca.sign(pose - q) * UNBOUNDED))
         asked = M @ self._wanted(pose - q, v, ca.diag(M), strength)
-        room = (ca.if_else(asked > 0, most, least) - bias) / ca.if_else(asked == 0, 1.0, asked)
+        driven = at_drives(asked)
+        room = (ca.if_else(driven > 0, most, least) - at_drives(bias)) / ca.if_else(driven == 0, 1.0, driven)
         tau = bias + ca.fmin(ca.fmax(ca.mmin(room), LEAST), 1.0) * asked
-        a, h, after = ca.solve(M, self.drive.passed(v, clamped(tau)) - bias), self.step / PARTS, (q, v)
+        a, h, after = ca.solve(M, J.T @ self.drive.passed(w, clamped(tau)) - bias), self.step / PARTS, (q, v)
         part = ca.Function("part", [q, v, pose], [q + h * (v + h * a), v + h * a])
         for _ in range(PARTS):
             after = part(*after, pose)

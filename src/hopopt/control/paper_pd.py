@@ -22,6 +22,7 @@ from hopopt.control.setting import Setting, chosen, one_of
 from hopopt.control.similarity import scaled
 from hopopt.control.two_mass import TwoMass
 from hopopt.design import Design
+from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, foot_offset, two_joints
 from hopopt.leg.robot import BASE
@@ -162,7 +163,7 @@ class PaperStrategy:
         damping = 2 * np.sqrt(self.options.k_p * inertia)
         approach = within(self.options.k_p / damping * error, -self.quick, self.quick)
         if self.options.flight == "braked":
-            strength = np.abs(self.drive.clamp(now.v, np.copysign(np.inf, -error)))
+            strength = np.abs(self.drive.at(now.q).clamp(now.v, np.copysign(UNBOUNDED, -error)))
             quickest = np.sqrt(2 * BRAKING * strength / inertia * np.abs(error))
             approach = within(approach, -quickest, quickest)
         return damping * (approach + rates - now.v)
@@ -185,7 +186,7 @@ class PaperStrategy:
 
     def upright(self, s: StanceTerms, knee: float) -> np.ndarray:
         """The knee's torque [N m], clamped, and that of the hip under which the body keeps to the plumb line."""
-        knee = self.drive.clamp(s.v[BASE:], np.array([0.0, knee]))[1]
+        knee = self.drive.at(s.q[BASE:]).clamp(s.v[BASE:], np.array([0.0, knee]))[1]
         # x'' = row (tau - bias) / mass matrix - drift, linear in the hip's torque
         row = np.linalg.solve(s.mass_matrix, -s.jacobian[0])
         still = row @ (np.array([0.0, knee]) - s.joint_bias) - s.drift[0]

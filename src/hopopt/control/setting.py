@@ -17,7 +17,7 @@ from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
-from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.robot import Robot, build_robot
 from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 
@@ -92,7 +92,7 @@ class Setting:
     def drive(self) -> Drive:
         """The believed drives."""
         robot = self.robot
-        return Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], gear_of(self.design))
+        return Drive.of(robot.leg, robot.parameters, robot.rotors, gear_of(self.design), turning=robot.turning)
 
     @property
     def no_load_speed(self) -> np.ndarray:

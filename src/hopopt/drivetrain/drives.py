@@ -13,6 +13,8 @@ from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, m
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED, OperatingRegion, filled_up, torque_lines
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import stiff, supply_numbers
+from hopopt.drivetrain.transmission import Turning
+from hopopt.drivetrain.turned_drive import TurnedDrive
 
 LAW = (*ENTRIES, "slow", "sharp")
 Accelerate = Callable[[np.ndarray], np.ndarray]
@@ -23,7 +25,8 @@ class Drive:
 
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
     as much more back-EMF; less heat for the same torque. states: what the drives add of their own, if they do. rotor: reflected inertias of what spins in
-    front of the gears (n) [kg m^2]; none by default. supply: what ``supply_numbers`` says of it. numbers: what the compiled functions read,
+    front of the gears (n) [kg m^2]; none by default. turning: how the joints turn the drives, None where they turn together; speeds
+    and torques are the drives' own, and ``at`` a pose the joints'. supply: what ``supply_numbers`` says of it. numbers: what the compiled functions read,
     by name: the lines of the clamp, the gains, the gears as in ``Gear``, and the caps on mechanical power [W].
     """
 
@@ -37,7 +40,9 @@ class Drive:
         states: AddedStates | None = None,
         rotor: np.ndarray | None = None,
         supply: Mapping[str, Any] | None = None,
+        turning: Turning | None = None,
     ):
+        self.turning = turning
         gear, n, feeds = gear or Gear(), len(regions), supply or stiff(len(regions))
         self.lossless = gear.ideal
         self.upper, self.lower = torque_lines(regions)
@@ -71,18 +76,22 @@ class Drive:
         regions = [operating_region(leg, joint, p) for joint in leg.joints]
         return cls(regions, gear, rotor=rotor, supply=supply_numbers(leg, p), **more)
 
+    def at(self, q: np.ndarray) -> "Drive | TurnedDrive":
+        """The drives as the joints meet them at joint angles q (n) [rad]."""
+        return self if self.turning is None else TurnedDrive(self, self.turning, q)
+
     def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n), as far as the supply feeds them."""
         return kernels.driven_by(self._believed, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
 
     def parts(
-        self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float, x: np.ndarray | None = None
+        self, w: np.ndarray, command: np.ndarray, h: float, x: np.ndarray | None = None
     ) -> int:
         """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.
 
-        w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2]; x as in ``torque``.
+        w (n) [rad/s], command (n) [N m]; x as in ``torque``.
         """
-        return kernels.rubbing_parts(self._record, self._limited(w, command, x), np.asarray(armature), h)
+        return kernels.rubbing_parts(self._record, self._limited(w, command, x), self.rotor, h)
 
     def torque(
         self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None = None, accelerate: Accelerate | None = None

@@ -66,12 +66,12 @@ def derived(design: Design) -> LegFigures:
     heavy, length = weight(robot.model), reach(design.leg)
     model, q = robot.model, np.concatenate([np.zeros(BASE), angles])
     lifts = foot_jacobian(design.leg, angles)[UP]
-    rotors = model.armature[BASE:]
-    links = np.diag(pin.crba(model, model.createData(), q))[BASE:] - rotors
+    links = np.diag(pin.crba(model, model.createData(), q))[BASE:] - model.armature[BASE:]
     held = robot.forces_at_rest(q)[BASE:] - lifts * heavy
+    lifts, held = (robot.drive_torques(q, each) for each in (lifts, held))
     joints = tuple(
         JointFigures(name, *_drive(robot, name), float(rotor), float(link), float(torque))
-        for name, rotor, link, torque in zip(robot.joints, rotors, links, held, strict=True)
+        for name, rotor, link, torque in zip(robot.joints, robot.rotors, links, held, strict=True)
     )
     pushes = [j.stall_torque / abs(by) for j, by in zip(joints, lifts, strict=True) if abs(by) > MOVED]
     return LegFigures(

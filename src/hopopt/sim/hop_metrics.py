@@ -177,7 +177,7 @@ class HopFigures:
         """Saturation ratio C of a joint at every sample of stance (the paper's eq. 17), at most 1."""
         trace, span, leg = self.trace, self.stance, self.design.leg
         region, p = operating_region(leg, trace.robot.joints[joint], trace.robot.parameters), trace.robot.parameters
-        motor, speed = trace.motor[span] / self.torque_gain, trace.v[span, BASE:] * self.torque_gain  # as if believed
+        motor, speed = trace.motor[span] / self.torque_gain, trace.w[span] * self.torque_gain  # as if believed
         voltage = voltage_share(leg, p, list(motor.T), list(speed.T)) if leg.supply else None
         ratio = region.at(voltage).saturation(speed[:, joint], motor[:, joint])
         return np.minimum(ratio, 1.0)
@@ -239,7 +239,7 @@ class HopFigures:
         for k, (joint, excess) in enumerate(zip(trace.robot.joints, past, strict=True)):
             if excess > SIMULATED_SLACK:
                 found.append(f"{joint} {excess:.3f} rad into its end stop")
-            region, w = operating_region(self.design.leg, joint, trace.robot.parameters), trace.v[span, BASE + k]
+            region, w = operating_region(self.design.leg, joint, trace.robot.parameters), trace.w[span, k]
             use = np.max(region.use(w, region.clamp(w, trace.motor[span, k])), axis=0)  # above 1 by speed alone
             if use.max() > 1 + SIMULATED_SLACK:
                 found.append(f"{joint} at {np.abs(w[use.argmax()]):.1f} rad/s, faster than its drive may turn")

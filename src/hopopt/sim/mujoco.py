@@ -143,7 +143,7 @@ def replay(
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
     reference, feedforward = plan.sample(np.minimum(instants, plan.duration)), _means(plan, instants, control_period)
     leg, p, machine = robot.leg, robot.parameters, Machine(robot)
-    drive = Drive.of(leg, p, robot.model.armature[BASE:], gears_of(leg, p))
+    drive = Drive.of(leg, p, robot.rotors, gears_of(leg, p))
 
     def controller(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         k = round(t / control_period)

@@ -60,10 +60,14 @@ class Plant:
         q, v, own = y[:m], y[m : 2 * m], y[2 * m + len(s.work) :]
         w = v[m - self.n :]
         stop, accelerate = self.stops.torque(q[m - self.n :], w), self._accelerations(s, q, v)
-        motor, tau = self.drive.torque(w, command, own, lambda tau: accelerate(tau + stop)[m - self.n :])
+        drive = self.drive.at(q[m - self.n :])
+        motor, tau = drive.torque(w, command, own, lambda tau: accelerate(tau + stop)[m - self.n :])
         a = accelerate(tau + stop)
         rates = self.drive.rates(w, command, own, self.longest)
-        return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w, 0.0], rates])
+        at_drives = w if isinstance(drive, Drive) else drive.jacobian @ w
+        given = motor @ at_drives
+        lost = (motor - tau) @ w if isinstance(drive, Drive) else given - tau @ w
+        return np.concatenate([v, a, [given, lost, -stop @ w, 0.0], rates])
 
     def _accelerations(self, s: State, q: np.ndarray, v: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """What joint torques make of the leg, q and v of the joints only in stance."""
@@ -76,7 +80,7 @@ class Plant:
         parts = AT_STOPS if self.stops.near(s.q[BASE:], s.v[BASE:], h) else 1
         if not self.drive.lossless:
             command = torque(s.t, s.q[BASE:], s.v[BASE:])
-            parts = max(parts, self.drive.parts(s.v[BASE:], command, self.robot.model.armature[BASE:], h, s.drive))
+            parts = max(parts, self.drive.at(s.q[BASE:]).parts(s.v[BASE:], command, h, s.drive))
         parts *= self.finer
         for _ in range(parts):
             s = self._runge_kutta(s, torque, h / parts)
@@ -112,13 +116,13 @@ class Plant:
     def torques(self, s: State, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What a command (n) leads to: torques (n) [N m] of the motors and of the joints, contact force (x, z) [N]."""
         q, v = s.q[BASE:], s.v[BASE:]
-        stop = self.stops.torque(q, v)
+        stop, drive = self.stops.torque(q, v), self.drive.at(s.q[BASE:])
         if s.contact:
             terms = self.machine.stance_terms(q, v)
-            motor, tau = self.drive.torque(v, command, s.drive, lambda tau: terms.acceleration(tau + stop))
+            motor, tau = drive.torque(v, command, s.drive, lambda tau: terms.acceleration(tau + stop))
             return motor, tau, terms.contact_force(tau + stop)
         accelerate = self._accelerations(s, s.q, s.v)
-        return *self.drive.torque(v, command, s.drive, lambda tau: accelerate(tau + stop)[BASE:]), np.zeros(BASE)
+        return *drive.torque(v, command, s.drive, lambda tau: accelerate(tau + stop)[BASE:]), np.zeros(BASE)
 
     def rise(self, s: State) -> float:
         """Upward velocity [m/s] of the centre of mass."""

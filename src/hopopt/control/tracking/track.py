@@ -119,12 +119,12 @@ class Track:
             now = replace(now, contact=True, since=now.t - self.began)
         if now.contact and now.since > self.ends:
             _, v, self.given = self.plan.flight.at(0.0)
-            return self.drive.needed(v, self.given, self._accelerated(self.plan.flight, 0.0))
+            return self.drive.at(now.q).needed(v, self.given, self._accelerated(self.plan.flight, 0.0))
         q, v, tau = self.planned(now)
         if self.options.feedback == "none":
-            return self.drive.needed(v, tau, self._accelerated(self.reference(now.contact), now.since))
+            return self.drive.at(q).needed(v, tau, self._accelerated(self.reference(now.contact), now.since))
         if self.options.feedback == "pd":
-            needed = self.drive.needed(v, tau, self._accelerated(self.reference(now.contact), now.since))
+            needed = self.drive.at(q).needed(v, tau, self._accelerated(self.reference(now.contact), now.since))
             return needed - self.options.k_p * (now.q - q) - self.options.k_d * (now.v - v)
         return self._regulated(now, q, v, tau)
 
@@ -152,8 +152,9 @@ class Track:
         speeds = v + error[len(q) :]
         wanted = tau + self.added(now.contact, k, error)
         a = self._accelerated(self.reference(now.contact), now.since)
-        command = self.drive.clamp(speeds, self.drive.needed(v, wanted, a))  # at planned speeds, whose sign is no noise
-        self.given = self.drive.passed(v, command, a)
+        drive = self.drive.at(q)
+        command = drive.clamp(speeds, drive.needed(v, wanted, a))  # at planned speeds, whose sign is no noise
+        self.given = drive.passed(v, command, a)
         self.state = Estimate(now.contact, error, self.given - tau, q + error[: len(q)], speeds, now.t)
         if before is not None and before.contact == now.contact and now.since <= self.reference(now.contact).duration:
             self.moves = max(self.moves, float((np.abs(self.state.extra - before.extra) / self.stall).max()))

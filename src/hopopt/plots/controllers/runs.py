@@ -105,7 +105,7 @@ def speed_torque(runs: Runs) -> Figure:
         for name, run in runs.items():
             _way(ax, run, k, {**look[name], "label": called(name, run)})
             for row, marker in ((0, "o"), (run.stance.stop - 1, "s")):
-                point = run.trace.v[row, BASE + k], run.trace.motor[row, k]
+                point = run.trace.w[row, k], run.trace.motor[row, k]
                 ax.plot(*point, marker, mfc="white", mec=look[name]["color"], mew=1.5, ms=6, zorder=5)
         for marker, label in (("o", "start"), ("s", "end of stance")):
             ax.plot([], [], marker, mfc="white", mec=GREY, mew=1.5, ms=6, label=label)
@@ -123,7 +123,7 @@ def _region(ax: Axes, run: HopFigures, k: int) -> None:
 def _way(ax: Axes, run: HopFigures, k: int, look: dict[str, Any]) -> None:
     """Torque [N m] of joint k's motor over the joint's speed [rad/s] in stance."""
     span = run.stance
-    jumping_curve(ax, run.trace.t[span], run.trace.v[span, BASE + k], run.trace.motor[span, k], **look)
+    jumping_curve(ax, run.trace.t[span], run.trace.w[span, k], run.trace.motor[span, k], **look)
 
 
 @few
