@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, PrivateAttr, create_model, model_serializer, model_validator
 
+from hopopt.design.drives.transmission import Transmission
 from hopopt.design.fields import (
     CATALOGUE,
     CATALOGUE_NAME,
@@ -25,7 +26,6 @@ from hopopt.design.fields import (
 )
 from hopopt.design.geometry.parts import MOST_SPRINGS, Body, Link, Spring
 from hopopt.design.hop import GRAVITY
-from hopopt.design.transmission import Transmission
 
 PAPERS_LENGTH = 0.38 + 0.361  # [m] of the paper's leg
 

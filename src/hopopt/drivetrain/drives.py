@@ -14,7 +14,6 @@ from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED, OperatingR
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import stiff, supply_numbers
 from hopopt.drivetrain.transmission import Turning
-from hopopt.drivetrain.turned_drive import TurnedDrive
 
 LAW = (*ENTRIES, "slow", "sharp")
 Accelerate = Callable[[np.ndarray], np.ndarray]
@@ -84,9 +83,7 @@ class Drive:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n), as far as the supply feeds them."""
         return kernels.driven_by(self._believed, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
 
-    def parts(
-        self, w: np.ndarray, command: np.ndarray, h: float, x: np.ndarray | None = None
-    ) -> int:
+    def parts(self, w: np.ndarray, command: np.ndarray, h: float, x: np.ndarray | None = None) -> int:
         """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.
 
         w (n) [rad/s], command (n) [N m]; x as in ``torque``.
@@ -142,6 +139,50 @@ class Drive:
     def _driven(self, w: np.ndarray, command: np.ndarray) -> np.ndarray:
         """What motors have of a command at once."""
         return kernels.driven_by(self._true, np.asarray(w, dtype=float), np.asarray(command, dtype=float))
+
+
+class TurnedDrive:
+    """What ``Drive`` answers, asked in the joints' speeds and torques at joint angles q (n) [rad]."""
+
+    def __init__(self, drive: Drive, turning: Turning, q: np.ndarray):
+        self.drive, self.turning, self.q = drive, turning, q
+        self.jacobian = turning.jacobian(q)
+
+    def clamp(self, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Joint torques (n) [N m] of drives within their limits at joint speeds v (n) [rad/s], for joint torques asked for."""
+        return self.jacobian.T @ self.drive.clamp(self.jacobian @ v, self.asked(tau))
+
+    def parts(self, v: np.ndarray, command: np.ndarray, h: float, x: np.ndarray | None = None) -> int:
+        """As of ``Drive``, of a command (n) [N m] at the joints."""
+        return self.drive.parts(self.jacobian @ v, self.asked(command), h, x)
+
+    def torque(
+        self,
+        v: np.ndarray,
+        command: np.ndarray,
+        x: np.ndarray | None = None,
+        accelerate: Callable[[np.ndarray], np.ndarray] | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Torques (n) [N m] of the drives after their limits, and of the joints after the gears' losses."""
+        J, drift = self.jacobian, self.turning.drift(self.q, v)
+        turned = accelerate and (lambda tau: J @ accelerate(J.T @ tau) + drift)
+        motor, tau = self.drive.torque(J @ v, self.asked(command), x, turned)
+        return motor, J.T @ tau
+
+    def passed(self, v: np.ndarray, motor: np.ndarray, a: np.ndarray | None = None) -> np.ndarray:
+        """As of ``Drive``, of torques (n) [N m] and accelerations a (n) [rad/s^2] at the joints."""
+        return self.jacobian.T @ self.drive.passed(self.jacobian @ v, self.asked(motor), self._spun(v, a))
+
+    def needed(self, v: np.ndarray, tau: np.ndarray, a: np.ndarray | None = None) -> np.ndarray:
+        """The inverse of ``passed``."""
+        return self.jacobian.T @ self.drive.needed(self.jacobian @ v, self.asked(tau), self._spun(v, a))
+
+    def asked(self, tau: np.ndarray) -> np.ndarray:
+        """Torques (n) [N m] of the drives behind their gears that come to tau (n) [N m] at the joints."""
+        return np.linalg.solve(self.jacobian.T, tau)
+
+    def _spun(self, v: np.ndarray, a: np.ndarray | None) -> np.ndarray | None:
+        return None if a is None else self.jacobian @ a + self.turning.drift(self.q, v)
 
 
 def _of_joints(values: Sequence[Any], n: int) -> np.ndarray:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from hopopt.design import Leg
-from hopopt.design.transmission import Transmission
+from hopopt.design.drives.transmission import Transmission
 
 Law = Callable[[Transmission, Callable[[str], Any], Any], Any]  # of a joint's table, its parameters, its angle [rad]
 
@@ -51,7 +51,9 @@ def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
     """The integral of a monotone cubic spline through the ratios, level before and behind its points."""
     assert table.table is not None
     knots = np.array(table.table.angle)
-    pieces = PchipInterpolator(knots, table.table.ratio).antiderivative().c  # by falling powers of q - knot, each piece's own
+    pieces = (
+        PchipInterpolator(knots, table.table.ratio).antiderivative().c
+    )  # by falling powers of q - knot, each piece's own
     theta = table.table.ratio[0] * ca.fmin(q - knots[0], 0.0) + table.table.ratio[-1] * ca.fmax(q - knots[-1], 0.0)
     for k, start in enumerate(knots[:-1]):
         part = ca.fmin(ca.fmax(q - start, 0.0), knots[k + 1] - start)
@@ -72,9 +74,7 @@ def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
             continue
         law = between.law
         own = q[k] if law is None else LAWS[law](between, lambda name, at=f"{path}.{law}": p[f"{at}.{name}"], q[k])
-        others = (
-            p[f"{path}.coupling.{other}.ratio"] * q[leg.joints.index(other)] for other in between.coupling or ()
-        )
+        others = (p[f"{path}.coupling.{other}.ratio"] * q[leg.joints.index(other)] for other in between.coupling or ())
         found.append(own + sum(others))
     return ca.vertcat(*found)
 

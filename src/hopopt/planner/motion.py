@@ -15,7 +15,7 @@ from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import voltage_share
 from hopopt.errors import UsageError
-from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.robot import Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.drives import motor_torques

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopopt.leg.robot import BASE, Robot
+from hopopt.leg.robot import Robot
 from hopopt.leg.scales import Scale
 from hopopt.planner.solution import Solution
 from hopopt.sim.trace import Trace

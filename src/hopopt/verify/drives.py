@@ -199,7 +199,10 @@ def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures |
     lowest, peak, energy = np.inf, 0.0, 0.0
     for table in tables.values():
         power = power_drawn(
-            leg, p, list(np.moveaxis(table.asked, -1, 0)), list(np.moveaxis(robot.drive_speeds(table.q, table.v), -1, 0))
+            leg,
+            p,
+            list(np.moveaxis(table.asked, -1, 0)),
+            list(np.moveaxis(robot.drive_speeds(table.q, table.v), -1, 0)),
         )
         voltage = leg.supply.voltage * share_at(sag(leg, p), power)
         lowest = min(lowest, float(voltage.min()))

@@ -16,7 +16,6 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.similarity import similar_height
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import ResultError
-from hopopt.leg.robot import BASE
 from hopopt.paper.stiffness import PAPER_RANGE, neutral, secant_stiffness
 from hopopt.plots.controllers.ladder import staircase
 from hopopt.plots.controllers.runs_budget import budget

@@ -24,7 +24,9 @@ class Rod(Section):
 
     base: float = quantity("from the joint to the pivot before it", "m", 1e-3, 10, physical=True)
     arm: float = quantity("from the joint to the pivot behind it", "m", 1e-3, 10, physical=True)
-    folded: float = quantity("angle of the joint at which both pivots lie in one direction", "rad", -7, 7, physical=True)
+    folded: float = quantity(
+        "angle of the joint at which both pivots lie in one direction", "rad", -7, 7, physical=True
+    )
     travel: float = quantity("of the rod for each radian that its drive turns", "m/rad", 1e-6, 1, physical=True)
 
 
@@ -75,7 +77,9 @@ class Transmission(Section):
     four_bar: FourBar | None = choice("a crank and a rod", None, listed=False)
     table: RatioTable | None = choice("a ratio by angle", None, listed=False)
     coupling: dict[str, Coupled] | None = choice(
-        "other joints that turn the drive too: of a belt whose motor sits on the body, {hip = {ratio = 1}}", None, listed=False
+        "other joints that turn the drive too: of a belt whose motor sits on the body, {hip = {ratio = 1}}",
+        None,
+        listed=False,
     )
 
     @property
