@@ -44,7 +44,7 @@ def four_bar(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
     phi = q - entry("stretched")
     x, z = ground + arm * ca.cos(phi), arm * ca.sin(phi)
     share = (crank**2 + x**2 + z**2 - length**2) / (2 * crank * ca.sqrt(x**2 + z**2))
-    return ca.atan2(z, x) + (1 if table.four_bar.crossed else -1) * ca.acos(share)
+    return ca.atan2(z, x) + (1 if table.four_bar.ahead else -1) * ca.acos(share)
 
 
 def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
@@ -64,18 +64,28 @@ def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
 LAWS: dict[str, Law] = {"linear": linear, "rod": rod, "four_bar": four_bar, "table": table}
 
 
+def drive_angle(leg: Leg, joint: str, p: Mapping[str, Any], q: Any) -> Any:
+    """How far the drive of a joint turns [rad] by the angle q [rad] of this joint alone."""
+    between = leg.joint[joint].transmission
+    if between is None or between.law is None:
+        return q
+    path = f"leg.{joint}.transmission.{between.law}"
+    return LAWS[between.law](between, lambda name: p[f"{path}.{name}"], q)
+
+
+def ratios(leg: Leg, joint: str, p: Mapping[str, Any], angles: np.ndarray) -> np.ndarray:
+    """How fast the drive of a joint turns with it at angles (k,) [rad], over its gear's ratio; NaN where a linkage cannot close."""
+    q = ca.SX.sym("q")
+    return ca.Function("ratio", [q], [ca.gradient(drive_angle(leg, joint, p, q), q)])(angles.reshape(1, -1)).full()[0]
+
+
 def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
     """theta (n) [rad] of the drives behind their gears at joint angles q (n), from parameter values or symbols by their paths."""
-    found = []
+    found = [drive_angle(leg, joint, p, q[k]) for k, joint in enumerate(leg.joints)]
     for k, joint in enumerate(leg.joints):
-        between, path = leg.joint[joint].transmission, f"leg.{joint}.transmission"
-        if between is None:
-            found.append(q[k])
-            continue
-        law = between.law
-        own = q[k] if law is None else LAWS[law](between, lambda name, at=f"{path}.{law}": p[f"{at}.{name}"], q[k])
-        others = (p[f"{path}.coupling.{other}.ratio"] * q[leg.joints.index(other)] for other in between.coupling or ())
-        found.append(own + sum(others))
+        between = leg.joint[joint].transmission
+        for other in (between and between.coupling) or ():
+            found[k] += p[f"leg.{joint}.transmission.coupling.{other}.ratio"] * q[leg.joints.index(other)]
     return ca.vertcat(*found)
 
 

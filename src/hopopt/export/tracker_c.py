@@ -140,6 +140,10 @@ class Tables:
     def code(self) -> str:
         """Raises UsageError for gears whose law the C code does not have."""
         tracker = self.tracker
+        if tracker.drive.turning:
+            raise UsageError(
+                "the tracker in C knows drives that turn as their joints do: leave out the joints' transmissions"
+            )
         if tracker.drive.gear.knots:
             raise UsageError(
                 "the tracker in C knows one efficiency for each gear: give leg.gear.efficiency, not its table"

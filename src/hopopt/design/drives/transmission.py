@@ -40,7 +40,9 @@ class FourBar(Section):
     stretched: float = quantity(
         "angle of the joint at which the arm points away from the crank's pivot", "rad", -7, 7, physical=True
     )
-    crossed: bool = choice("whether the rod crosses the line from the crank's pivot to the joint", False)
+    ahead: bool = choice(
+        "whether the crank is ahead of the line from its pivot to the rod's end, as angles count; else behind it", True
+    )
 
 
 class RatioTable(Section):

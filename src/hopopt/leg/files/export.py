@@ -56,6 +56,7 @@ def to_urdf(robot: Robot) -> str:
 
     URDF has no place for rotor inertias: comments list them.
     """
+    _refuse_transmissions(robot)
     bodies, root = _bodies(robot), ET.Element("robot", name="leg")
     *links, world, guide, body, foot = _unique([*robot.leg.links, "world", "guide", "body", "foot"])
     names = [world, guide, body, *links, foot]
@@ -139,6 +140,7 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True) -> str:
     joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left to the controller.
     Joint limits are stops; a spring is a tendon, whose corner MuJoCo does not round; UsageError for one with a table. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
     """
+    _refuse_transmissions(robot)
     bodies, root = _bodies(robot), ET.Element("mujoco", model="leg")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     ET.SubElement(root, "option", gravity=_text(robot.model.gravity.linear))
@@ -224,6 +226,15 @@ def _mjcf_inertial(body: ET.Element, content: MovingBody) -> None:
 
 
 # ---- both -------------------------------------------------------------------------------------------------
+
+
+def _refuse_transmissions(robot: Robot) -> None:
+    """UsageError where drives do not turn as joints do, which these files have no place for."""
+    if not robot.leg.direct:
+        raise UsageError(
+            "URDF and MJCF as hopopt writes them, and its simulation in MuJoCo, know drives that turn as their joints do: leave out "
+            "the joints' transmissions"
+        )
 
 
 def _bodies(robot: Robot) -> list[MovingBody]:

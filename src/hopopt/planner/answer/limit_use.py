@@ -113,17 +113,17 @@ def _joints(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
 
 def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     """Operating regions, over all phases."""
-    leg, v = plan.design.leg, np.concatenate([s.v[:, BASE:] for s in fine.values()])
+    leg, w = plan.design.leg, np.concatenate([s.w for s in fine.values()])
     tau = np.concatenate([s.command for s in fine.values()])
     rate = np.concatenate([s.command_rate for s in fine.values()])
     parts = [share for s in fine.values() if (share := plan.voltage(s)) is not None]
     voltage = np.concatenate(parts) if parts else None
     for k, joint in enumerate(plan.robot.joints):
         region, used = plan.region(joint), dict[str, float]()
-        for plane, use in zip(region.planes, region.use(v[:, k], tau[:, k], voltage, rate[:, k]), strict=True):
+        for plane, use in zip(region.planes, region.use(w[:, k], tau[:, k], voltage, rate[:, k]), strict=True):
             used[plane.line] = max(used.get(plane.line, 0.0), float(np.max(use)))
         if region.power is not None:
-            (path, cap), most = leg.drive(joint, "motor", "power_cap"), float(np.abs(v[:, k] * tau[:, k]).max())
+            (path, cap), most = leg.drive(joint, "motor", "power_cap"), float(np.abs(w[:, k] * tau[:, k]).max())
             yield Use(f"{{}} {Kind.MOTOR_POWER.value}", (joint,), path, cap, most / cap, most)
         for name, share in used.items():
             if name in CAPS:

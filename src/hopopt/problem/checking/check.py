@@ -8,7 +8,9 @@ from pydantic import ValidationError
 from hopopt import extensions
 from hopopt.design import Design, Leg
 from hopopt.design.names import names_in
-from hopopt.problem.checking.drive_rules import drive_rules, heat_rules, loss_rules, spring_rules
+from hopopt.problem.checking.drive_rules import (
+    drive_rules, heat_rules, loss_rules, spring_rules, transmission_rules,
+)  # fmt: skip
 from hopopt.problem.checking.entries import entry_at, homes, unit_of, words_of
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import entry_rules, start_rules, stated_once
@@ -47,6 +49,7 @@ def check(data: dict[str, Any], report: Report, without_modules: bool = False) -
 
     if leg := sound("leg"):
         drive_rules(leg, report)
+        transmission_rules(leg, report)
         shape_rules(leg, report)
         spring_rules(leg, report)
     if design and sound("leg"):

@@ -3,7 +3,11 @@ of springs beside them."""
 
 import re
 
-from hopopt.design import Leg, Simulation
+from itertools import product
+
+import numpy as np
+
+from hopopt.design import Leg, Simulation, physical_parameters
 from hopopt.design.leg import Supply
 from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.drivetrain.heat import BODIES, LIMIT
@@ -11,6 +15,7 @@ from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking
 from hopopt.drivetrain.operating_region.limits import Entry
 from hopopt.drivetrain.springs import joints_of
 from hopopt.drivetrain.supply import WINDING
+from hopopt.drivetrain.transmission import LAWS, Turning, ratios
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.render import shown
@@ -63,6 +68,63 @@ def _gives_way(supply: Supply) -> bool:
     """Whether what a supply gives depends on what is drawn from it."""
     caps = supply.least_voltage, supply.current_cap, supply.power_cap
     return supply.internal_resistance > 0 or any(cap is not None for cap in caps)
+
+
+SAMPLES, POSES = 201, 7  # of a joint's range; of each joint's where joints are coupled
+DEAD = 1e-3  # share of its largest that a ratio, or a determinant of ratios, is at a dead point
+
+
+def transmission_rules(leg: Leg, report: Report) -> None:
+    """Report transmissions with two laws, to joints that are not there, that cannot close, or with a dead point in the joints' range."""
+    if leg.direct:
+        return
+    for joint in leg.joints:
+        between, path = leg.joint[joint].transmission, f"leg.{joint}.transmission"
+        if between is None:
+            continue
+        given = [law for law in LAWS if getattr(between, law) is not None]
+        if len(given) > 1:
+            report.add(path, f"has {' and '.join(given)}: one law says how a joint turns its drive, remove the others")
+        elif between.table is not None and (words := between.table.fault()):
+            report.add(f"{path}.table", words)
+        elif given:
+            _moving_rules(leg, joint, f"{path}.{given[0]}", report)
+        for other in between.coupling or ():
+            if other not in leg.joints or other == joint:
+                others = ", ".join(name for name in leg.joints if name != joint) or "none"
+                report.add(f"{path}.coupling.{other}", f"names no other joint of the leg: allowed are {others}")
+    if not report.faults:
+        _apart_rules(leg, report)
+
+
+def _moving_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
+    """Report a law that cannot be had, or has a dead point, within the joint's range."""
+    low, high = leg.joint[joint].lower, leg.joint[joint].upper
+    angles = np.linspace(low, high, SAMPLES)
+    found = ratios(leg, joint, physical_parameters(leg), angles)
+    remedy = f"change its entries, or leg.{joint}.lower = {low:g} and upper = {high:g}"
+    if not np.isfinite(found).all():
+        open_at = angles[~np.isfinite(found)][0]
+        report.add(path, f"cannot close at {open_at:.4g} rad of the {joint}: {remedy}")
+    elif np.abs(found).min() <= DEAD * np.abs(found).max() or found.min() < 0 < found.max():
+        dead = angles[int(np.argmin(np.abs(found)))]
+        report.add(
+            path, f"has a dead point near {dead:.4g} rad of the {joint}, where its drive moves nothing: {remedy}"
+        )
+
+
+def _apart_rules(leg: Leg, report: Report) -> None:
+    """Report drives that no longer move all joints apart from each other."""
+    ranges = [np.linspace(leg.joint[joint].lower, leg.joint[joint].upper, POSES) for joint in leg.joints]
+    poses = np.array(list(product(*ranges))) if len(ranges) <= 4 else np.array(ranges).T
+    turning = Turning(leg, physical_parameters(leg), np.zeros(len(leg.joints)))
+    found = np.linalg.det([turning.jacobian(pose) for pose in poses])
+    if np.abs(found).min() <= DEAD * np.abs(found).max() or found.min() < 0 < found.max():
+        pose = ", ".join(f"{angle:.3g}" for angle in poses[int(np.argmin(np.abs(found)))])
+        coupled = ", ".join(f"leg.{j}.transmission" for j in leg.joints if leg.joint[j].transmission is not None)
+        report.add(
+            "leg", f"has drives that do not move its joints apart near joint angles of {pose} rad: change {coupled}"
+        )
 
 
 def heat_rules(leg: Leg, ambient: float, report: Report) -> None:

@@ -1,0 +1,175 @@
+"""How joints turn drives: laws against closed forms, rotors against bodies of their own, and what the paper's leg makes of it."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.interpolate import PchipInterpolator
+from tests.once import solved_once
+
+from hopopt.design import Leg, physical_parameters
+from hopopt.drivetrain.transmission import drive_angle, ratios
+from hopopt.errors import ProblemFileError
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.problem.load import load
+from hopopt.sim.machine import Machine
+
+KNEE = "leg.knee.transmission"
+FOUR_BAR = {"ground": 0.3, "crank": 0.06, "rod": 0.31, "arm": 0.05, "stretched": -2.9}
+FALLING = {f"{KNEE}.linear": {"slope": -0.2, "at": -1.3}}
+MIXED = FALLING | {
+    f"{KNEE}.coupling": {"hip": {"ratio": 0.7}},
+    "leg.hip.transmission.coupling": {"knee": {"ratio": -0.2}},
+}
+
+
+def leg_with(**law: Any) -> Leg:
+    return load("paper", {f"{KNEE}.{name}": entries for name, entries in law.items()}).leg
+
+
+def angle(leg: Leg, q: float) -> float:
+    x = ca.SX.sym("q")
+    return float(ca.Function("angle", [x], [drive_angle(leg, "knee", physical_parameters(leg), x)])(q))
+
+
+@pytest.mark.parametrize("q", [-2.2, -1.4, -0.5])
+def test_a_four_bar_closes_and_its_ratio_is_that_of_its_velocities(q: float) -> None:
+    leg, b = leg_with(four_bar=FOUR_BAR), FOUR_BAR
+    theta, phi = angle(leg, q), q - b["stretched"]
+    end = np.array([b["ground"] + b["arm"] * np.cos(phi), b["arm"] * np.sin(phi)])
+    apart = end - b["crank"] * np.array([np.cos(theta), np.sin(theta)])
+    assert np.hypot(*apart) == pytest.approx(b["rod"], rel=1e-12)
+    # the rod keeps its length: apart . (end' - crank') = 0
+    turned = b["crank"] * np.array([-np.sin(theta), np.cos(theta)])
+    moved = b["arm"] * np.array([-np.sin(phi), np.cos(phi)])
+    found = ratios(leg, "knee", physical_parameters(leg), np.array([q]))[0]
+    assert found == pytest.approx((apart @ moved) / (apart @ turned), rel=1e-9)
+
+
+def test_a_parallelogram_turns_as_its_joint_does() -> None:
+    leg = leg_with(four_bar={"ground": 0.38, "crank": 0.05, "rod": 0.38, "arm": 0.05, "stretched": -2.8})
+    assert ratios(leg, "knee", physical_parameters(leg), np.linspace(-2.4, -0.15, 7)) == pytest.approx(np.ones(7))
+
+
+def test_a_rod_between_two_pivots_has_the_lever_of_its_triangle() -> None:
+    base, arm, folded, travel = 0.2, 0.05, -3.0, 1e-3
+    leg = leg_with(rod={"base": base, "arm": arm, "folded": folded, "travel": travel})
+    q = np.linspace(-2.4, -0.15, 5)
+    length = np.sqrt(base**2 + arm**2 - 2 * base * arm * np.cos(q - folded))
+    lever = base * arm * np.sin(q - folded) / length
+    assert ratios(leg, "knee", physical_parameters(leg), q) == pytest.approx(lever / travel, rel=1e-9)
+
+
+def test_a_table_of_ratios_is_followed_by_a_monotone_spline_level_outside() -> None:
+    points, values = (-2.0, -1.4, -0.6), (1.4, 1.1, 0.7)
+    leg = leg_with(table={"angle": list(points), "ratio": list(values)})
+    q = np.linspace(-2.4, -0.15, 60)
+    expected = PchipInterpolator(points, values)(np.clip(q, points[0], points[-1]))
+    assert ratios(leg, "knee", physical_parameters(leg), q) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_differential_shares_torques_between_its_motors() -> None:
+    """Two motors that turn by the sum and the difference of two angles: each gives half the sum, half the difference."""
+    turned = {"leg.hip.transmission.coupling": {"knee": {"ratio": 1.0}}, f"{KNEE}.coupling": {"hip": {"ratio": -1.0}}}
+    robot = build_robot(load("paper", turned).leg)
+    q, tau = np.array([0.0, 0.0, 0.4, -1.2]), np.array([30.0, 8.0])
+    assert robot.drive_torques(q, tau) == pytest.approx([(30 + 8) / 2, (8 - 30) / 2], rel=1e-12)
+    assert robot.drive_speeds(q, np.array([0.0, 0.0, 3.0, 2.0])) == pytest.approx([5.0, -1.0], rel=1e-12)
+
+
+def with_rotor_bodies(robot: Robot) -> pin.Model:
+    """The leg's links and guides alone, and on the body a rotor for each motor that turns with the drive behind its gear."""
+    model = robot.model.copy()
+    model.armature = np.zeros(model.nv)
+    body = model.getJointId("z")
+    for joint, inertia in zip(robot.joints, robot.rotors, strict=True):
+        index = model.addJoint(body, pin.JointModelRY(), pin.SE3.Identity(), f"{joint} rotor")
+        model.appendBodyToJoint(index, pin.Inertia(0.0, np.zeros(3), np.diag([0.0, inertia, 0.0])), pin.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize("overrides", [FALLING, MIXED, {f"{KNEE}.four_bar": FOUR_BAR}])
+def test_rotors_weigh_on_the_joints_as_bodies_that_turn_with_the_drives(overrides: dict[str, Any]) -> None:
+    """Pinocchio with the rotors as bodies, their motion the drives': by virtual work S' (M S a + M S' v + h)."""
+    robot = build_robot(load("paper", overrides).leg)
+    machine, model, turning = Machine(robot), with_rotor_bodies(robot), robot.turning
+    assert turning is not None
+    data, n, draw = model.createData(), len(robot.joints), np.random.default_rng(3)
+    for _ in range(4):
+        q = np.r_[draw.normal(size=2), draw.uniform(-0.5, 0.5), draw.uniform(-2.2, -0.4)]
+        v, a = draw.normal(size=(2, BASE + n)) * 3
+        step = 1e-6  # (dJ/dt) v by a difference of the laws' ratios, which the tests above check
+        change = (turning.jacobian(q[BASE:] + step * v[BASE:]) - turning.jacobian(q[BASE:] - step * v[BASE:])) / (
+            2 * step
+        )
+        S = np.vstack([np.eye(BASE + n), np.hstack([np.zeros((n, BASE)), turning.jacobian(q[BASE:])])])
+        late = np.r_[np.zeros(BASE + n), change @ v[BASE:]]
+        whole_q, whole_v = np.r_[q, np.zeros(n)], S @ v
+        expected = S.T @ pin.rnea(model, data, whole_q, whole_v, S @ a + late)
+        assert machine.inverse_dynamics(q, v, a) == pytest.approx(expected, rel=1e-7, abs=1e-6)
+        M = pin.crba(model, data, whole_q)
+        M[np.tril_indices(len(M), -1)] = M.T[np.tril_indices(len(M), -1)]
+        assert machine.mass_matrix(q) == pytest.approx(S.T @ M @ S, rel=1e-12, abs=1e-12)
+        assert 2 * machine.energy(q, v) == pytest.approx(
+            v @ S.T @ M @ S @ v + 2 * pin.computePotentialEnergy(robot.model, robot.model.createData(), q), rel=1e-12
+        )
+
+
+@pytest.mark.parametrize("contact", [True, False])
+def test_forward_dynamics_inverts_inverse_dynamics_and_the_planner_agrees(contact: bool) -> None:
+    robot = build_robot(load("paper", MIXED).leg)
+    machine, n = Machine(robot), 2
+    q_j, v_j, tau = np.array([0.3, -1.1]), np.array([-2.0, 4.0]), np.array([25.0, -60.0])
+    symbols = [ca.SX.sym(name, n) for name in "qva"]
+    dynamics = LegDynamics(robot, robot.parameters)
+    still = ca.SX.zeros(BASE)
+    m = dynamics.stance(*symbols) if contact else dynamics.flight(still, still, *symbols)
+    planner = ca.Function("planner", symbols, [m.q, m.v, m.tau, m.drives.tau, m.drives.w, m.drives.w_rate])
+    q, v = (x.full()[:, 0] for x in planner(q_j, v_j, np.zeros(n))[:2])
+    a = machine.acceleration(q, v, tau, contact)
+    *_, again, of_drives, w, w_rate = (x.full()[:, 0] for x in planner(q_j, v_j, a[BASE:]))
+    assert again == pytest.approx(tau, rel=1e-9)
+    assert of_drives == pytest.approx(robot.drive_torques(q, tau), rel=1e-9)
+    assert w == pytest.approx(robot.drive_speeds(q, v), rel=1e-12)
+    assert tau @ v[BASE:] == pytest.approx(of_drives @ w, rel=1e-9)  # no power is lost between joints and drives
+    assert robot.turning is not None
+    assert w_rate == pytest.approx(robot.turning.jacobian(q_j) @ a[BASE:] + robot.turning.drift(q_j, v_j), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ({"linear": {"slope": 1.0, "at": -1.3}}, "dead point near -2"),
+        ({"four_bar": FOUR_BAR | {"rod": 0.2}}, "cannot close at"),
+        ({"linear": {"slope": 0.1}, "rod": {"base": 0.1, "arm": 0.05, "folded": -3.0, "travel": 0.01}}, "linear and rod: one law"),
+        ({"table": {"angle": [-2.0, -1.0, 0.0], "ratio": [1.0, 1.2, 1.1]}}, "not monotone in the angle"),
+        ({"coupling": {"ankle": {"ratio": 1.0}}}, "names no other joint of the leg: allowed are hip"),
+    ],
+)  # fmt: skip
+def test_transmissions_that_cannot_be_are_refused_in_a_sentence(entries: dict[str, Any], words: str) -> None:
+    with pytest.raises(ProblemFileError, match=words):
+        load("paper", {f"{KNEE}.{name}": value for name, value in entries.items()})
+
+
+def test_drives_that_move_joints_alike_are_refused() -> None:
+    both = {f"{KNEE}.coupling": {"hip": {"ratio": 1.0}}, "leg.hip.transmission.coupling": {"knee": {"ratio": 1.0}}}
+    with pytest.raises(ProblemFileError, match="do not move its joints apart"):
+        load("paper", both)
+
+
+@pytest.mark.slow
+def test_a_ratio_that_falls_as_the_leg_stretches_lifts_the_foot_as_other_code_says() -> None:
+    """Other code, stance alone: at most 0.817 m."""
+    s = solved_once(FALLING)
+    assert s.verified
+    assert s.clearance == pytest.approx(0.817, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_a_transmission_that_changes_nothing_changes_no_answer() -> None:
+    same = solved_once({f"{KNEE}.linear": {"slope": 0.0}})
+    assert same.verified
+    assert same.clearance == pytest.approx(solved_once().clearance, abs=1e-8)
