@@ -9,7 +9,11 @@ from hopopt import extensions
 from hopopt.design import Design, Leg
 from hopopt.design.names import names_in
 from hopopt.problem.checking.drive_rules import (
-    drive_rules, heat_rules, loss_rules, spring_rules, transmission_rules,
+    drive_rules,
+    heat_rules,
+    loss_rules,
+    spring_rules,
+    transmission_rules,
 )  # fmt: skip
 from hopopt.problem.checking.entries import entry_at, homes, unit_of, words_of
 from hopopt.problem.checking.faults import Report

@@ -2,7 +2,6 @@
 of springs beside them."""
 
 import re
-
 from itertools import product
 
 import numpy as np
