@@ -17,12 +17,17 @@ from hopopt.compiled.kernel import kernel
 def function(tmp_path: Path) -> Callable[[float], float]:
     """Of a module whose cache lies beside it."""
     (tmp_path / "loops.py").write_text("def f(x):\n    return 2.0 * x + 1.0\n")
-    spec = importlib.util.spec_from_file_location("loops", tmp_path / "loops.py")
+    return executed(tmp_path / "loops.py").f
+
+
+def executed(path: Path) -> Any:
+    """The module in a file."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.f
+    return module
 
 
 def loaded(made: Any) -> bool:
@@ -58,6 +63,20 @@ def test_a_file_of_another_function_is_not_taken_for_it(function: Callable[..., 
     again = kernel(function)
     assert again(3) == 7
     assert not again.compiled.stats.cache_hits
+
+
+def test_what_python_calls_and_what_compiled_functions_call_are_kept_apart(tmp_path: Path) -> None:
+    """And a constant is a number like others: nothing is compiled for it alone."""
+    (tmp_path / "both.py").write_text(
+        "def of(n):\n    return n + 1\n\ndef twice(n):\n    return called(n) + called(1)\n"
+    )
+    for kept in (False, True):
+        module = executed(tmp_path / "both.py")
+        module.called = inner = kernel(module.of)
+        outer = kernel(module.twice)
+        assert (outer(3), inner(3)) == (6, 4)
+        assert len(inner.called.signatures) == (0 if kept else 1)
+        assert bool(outer.compiled.stats.cache_hits) is bool(inner.compiled.stats.cache_hits) is kept
 
 
 def test_a_full_disk_is_no_reason_to_fail(function: Callable[..., float], monkeypatch: pytest.MonkeyPatch) -> None:

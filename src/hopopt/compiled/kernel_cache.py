@@ -50,11 +50,11 @@ class CheckedFiles(IndexDataCacheFile):
 
 
 class CheckedCache(FunctionCache):
-    """numba's cache of one function with checked files; RuntimeError where no folder can be written."""
+    """numba's cache of one function with checked files, which may have variants; RuntimeError where no folder can be written."""
 
-    def __init__(self, function: Callable[..., Any]):
+    def __init__(self, function: Callable[..., Any], variant: str = ""):
         super().__init__(function)
-        self._cache_file = CheckedFiles(self.cache_path, self._impl.filename_base, _sources())
+        self._cache_file = CheckedFiles(self.cache_path, self._impl.filename_base + variant, _sources())
 
     def holds_any(self) -> bool:
         """Whether the function is kept for some signature, for the sources as they are."""

@@ -97,7 +97,8 @@ def rates(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     fx, fz = contact_force(mode, leg.mu, c, G)
     a = X[:, 0] + fx * X[:, 1] + fz * X[:, 2]
     work = np.zeros(4)
-    work[:3] = power
+    for k in range(3):  # a slice would take numba two seconds, for its words on shapes
+        work[k] = power[k]
     if mode in (FORWARD, BACKWARD):
         work[3] = -fx * velocity[0]
     return a, work
