@@ -14,14 +14,13 @@ from hopopt.nlp.refinement.mesh_refinement import (
     MET,
     NO_NEARER,
     NOT_ASKED,
-    STUCK,
     TOO_FINE,
     UNSOLVED,
     USED_UP,
     WORSE,
     Refinement,
 )
-from hopopt.nlp.refinement.mesh_step import change_of
+from hopopt.nlp.refinement.mesh_step import STUCK, change_of
 from hopopt.nlp.refinement.next_mesh import Aims, cut, equal, fitting, pieces_of
 from hopopt.nlp.refinement.tightening import limit_nodes, passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
@@ -29,7 +28,7 @@ from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.problem import Objective, Problem
+from hopopt.ocp.problem import Control, Objective, PathConstraint, Phase, Problem, State
 from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved, solve
 
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
@@ -207,6 +206,33 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
             begin, Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300, restarts=iterations / 300)
         ).run()
         assert limited.ended == ended
+
+
+def jerked() -> Known:
+    """A triple integrator from rest to rest with |u| <= 1.3 in the shortest time, never below its start: T = (32 d / 1.3)^(1/3), with
+    switches at T / 4 and 3 T / 4; it comes off its start with the cube of time."""
+    names = ("x", "v", "a")
+    states = tuple(State(name, initial=0.0, final=0.7 if name == "x" else 0.0) for name in names)
+    limits = (
+        PathConstraint("u", lambda s: s.u, -1.3, 1.3),
+        PathConstraint("x", lambda s: s.x, lower=0.0),
+    )
+    phase = Phase("move", states, (Control("u"),), lambda s: {"x": s.v, "v": s.a, "a": s.u}, (0.1, 10.0), limits)
+    problem = Problem("time", (phase,), Objective("time", lambda e: e.duration["move"]))
+    return Known(problem, (32 * 0.7 / 1.3) ** (1 / 3), {"move": (2.0, ([0, 0, 0], [0.7, 0, 0], 0.0))})
+
+
+def test_a_limit_that_is_only_touched_is_not_enforced_where_its_hull_leaves_no_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With its hull enforced the second mesh is slower by a seventh, which is not believed."""
+    known = jerked()
+    monkeypatch.setattr(refine, "AGREED", -1.0)
+    begin = solve(known, radau(3), uniform(7))
+    refinement = Refinement(begin, Aims(1e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300, restarts=0)).run()
+    assert refinement.ended == MET
+    assert refinement.history[-1].excess <= ALLOWED
+    assert refinement.solution.objective == pytest.approx(known.optimum, rel=ALLOWED)
 
 
 def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:

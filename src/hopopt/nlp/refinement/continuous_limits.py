@@ -74,6 +74,19 @@ def coming_close(solution: NlpSolution, errors: Mapping[str, IntervalErrors], al
     return chosen
 
 
+def kept_without(solution: NlpSolution, errors: Mapping[str, IntervalErrors], allowed: float) -> Chosen:
+    """Path limits that need not be enforced, by phase, (1, path limits): of states alone, and passed nowhere by more than
+    ``allowed``. Their hulls can leave no room, as that of a foot that comes off the ground with the cube of time."""
+    found = {}
+    for name, e in errors.items():
+        stage = solution.transcription.layouts[name].stage
+        of_controls = np.array(stage.function.jac_sparsity(1, 1).row(), dtype=int)  # of path limits by controls
+        kept = stage.smooth & ~(np.maximum(e.below, e.above) > allowed)[:, : len(stage.smooth)].any(axis=0)
+        kept[of_controls] = False
+        found[name] = kept[None]
+    return found
+
+
 @dataclass(frozen=True)
 class Enforced:
     """A program in which the ``chosen`` limits are enforced between the nodes: its rows are M times those of ``given``, the

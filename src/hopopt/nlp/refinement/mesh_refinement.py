@@ -12,13 +12,22 @@ import time
 from collections.abc import Mapping, Sequence
 from copy import copy
 from itertools import combinations
+from math import inf
 from typing import Any, Self
 
 import numpy as np
 
-from hopopt.nlp.refinement.continuous_limits import Chosen, Enforced, coming_close, enforcing, holds, nothing_enforced
+from hopopt.nlp.refinement.continuous_limits import (
+    Chosen,
+    Enforced,
+    coming_close,
+    enforcing,
+    holds,
+    kept_without,
+    nothing_enforced,
+)
 from hopopt.nlp.refinement.interval_errors import interval_errors
-from hopopt.nlp.refinement.mesh_step import MeshStep, Report, change_of, relative
+from hopopt.nlp.refinement.mesh_step import STUCK, MeshStep, Report, change_of, relative, stuck
 from hopopt.nlp.refinement.next_mesh import (
     Aims,
     Cuts,
@@ -48,8 +57,6 @@ CARRIED_ITERATIONS = 60  # from carried multipliers
 AT_ZEROS = 4  # times as many where edges move
 LONGER = 5  # times as many before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
-STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
-NEARBY_AIM = 4.0  # times its aim: an error within that is not called stuck, for wandering it will meet it
 TIGHTENING_ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 # How a refinement ends:
@@ -70,13 +77,9 @@ class Refinement:
     """
 
     def __init__(
-        self,
-        solution: NlpSolution,
-        aims: Aims,
-        report: Report = lambda step: None,
-        enforced: Chosen | None = None,
+        self, solution: NlpSolution, aims: Aims, report: Report = lambda step: None, enforced: Chosen | None = None,
         between: bool | None = None,
-    ):
+    ):  # fmt: skip
         """``enforced``: limits that ``solution`` holds between the nodes already; ``between``: None: what suits it."""
         self.aims, self.report, self._first = aims, report, (solution, enforced)
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
@@ -91,6 +94,8 @@ class Refinement:
         self.history = list[MeshStep]()
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh
+        # limits that are not enforced by their hulls, as these leave no room, (1, path limits)
+        self._touched = {name: np.zeros_like(on[:1]) for name, on in self._enforced.items()}
         self._accept(solution, 0.0, 0.0)
         # how far lower and upper limits are tightened, (2, N, limits), and the excess that was answered to, (N,)
         none = {n: np.zeros((2, len(e.local), len(e.limits))) for n, e in self.errors.items()}
@@ -137,7 +142,7 @@ class Refinement:
                 return MET
             if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
                 return ""
-            if self._stuck:
+            if stuck(self.history, self.aims.local_error, self.aims.excess if self.between else inf):
                 return NO_NEARER
             cuts = halved(self._measured) if accurate else cuts
             meshes += any_cut(cuts)
@@ -147,7 +152,7 @@ class Refinement:
     def _tightening_at_the_end(self) -> str:
         """How it ends where limits are tightened on the settled mesh; "" with the last mesh."""
         for _ in range(self.aims.meshes):
-            if self._stuck:
+            if stuck(self.history, self.aims.local_error, self.aims.excess if self.between else inf):
                 return NO_NEARER
             cuts = cuts_before_tightening(self._measured, self.aims, len(self.history))
             if not any_cut(cuts):
@@ -172,14 +177,6 @@ class Refinement:
     def _kept(self) -> bool:
         """Whether all limits are."""
         return all(e.excess.max() <= self.aims.excess for e in self.errors.values())
-
-    @property
-    def _stuck(self) -> bool:
-        """Whether errors, and excess if it matters yet, are far from their aims and no longer fall, as where an
-        optimum is an impulse."""
-        aims = self.aims
-        far = [max(s.local_error / aims.local_error, self.between * s.excess / aims.excess) for s in self.history]
-        return len(far) > STUCK and min(far[-STUCK:]) > max(NEARBY_AIM, NEARER * min(far[:-STUCK]))
 
     # ---- the next mesh's program ---------------------------------------------------------------------------
 
@@ -210,32 +207,38 @@ class Refinement:
         solved = self._solved(solver, guess, free, (enforced.multipliers(lam_g), lam_x), bounds)
         if (found := self._believable(solved)) is None:
             self._enforced, self._tightened, self._answered = before
+            if self._spared():
+                return self._solve_on(cuts)
             return OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
         self._accept(enforced.at_nodes(found), built - began, time.perf_counter() - built)
         return ""
+
+    def _spared(self) -> bool:
+        """Whether limits are enforced, and from now on are not, that the last mesh keeps and its hulls pass."""
+        if not self.between or self.aims.until.passed or any(on.any() for on in self._touched.values()):
+            return False
+        self._touched = kept_without(self.solution, self.errors, self.aims.excess)
+        self._enforced = {name: on & ~self._touched[name] for name, on in self._enforced.items()}
+        return any(on.any() for on in self._touched.values())
 
     def _enforce_and_tighten(self, cuts: Cuts) -> None:
         """What is enforced and tightened on the next mesh, and the excess it answers to."""
         close, finer = coming_close(self.solution, self.errors, self.aims.excess), any_cut(cuts)
         for name, e in self.errors.items():
             n, enforced, over = pieces_of(cuts[name]), self._enforced[name], passed(e, self.aims.excess)
+            smooth = self.solution.transcription.layouts[name].stage.smooth & ~self._touched[name]
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not enforced yet
-            free[:, : enforced.shape[1]] = ~enforced & self.solution.transcription.layouts[name].stage.smooth
+            free[:, : enforced.shape[1]] = ~enforced & smooth
             whole = (n == 1)[:, None] & ~free
             drawn_in = np.repeat(np.where(whole, self._tightened[name] + over, 0.0), n, axis=1)
             answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             answers &= not finer  # on a finer mesh the excess is another
             answered = np.repeat(np.where(answers, e.excess, np.inf), n)
             self._tightened, self._answered = self._tightened | {name: drawn_in}, self._answered | {name: answered}
-            self._enforced = {**self._enforced, name: np.repeat(enforced | close[name], n, axis=0)}
+            self._enforced = {**self._enforced, name: np.repeat(enforced | (close[name] & smooth), n, axis=0)}
 
     def _solved(
-        self,
-        warm: NlpSolver,
-        guess: Any,
-        free: Mapping[str, Any],
-        multipliers: Multipliers,
-        bounds: Bounds,
+        self, warm: NlpSolver, guess: Any, free: Mapping[str, Any], multipliers: Multipliers, bounds: Bounds
     ) -> list[NlpSolution]:
         """What was solved from the last mesh's point and multipliers and then, until a solution is no worse than that
         mesh's, from the point alone."""

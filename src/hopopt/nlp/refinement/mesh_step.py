@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from hopopt.record import Real, Strict, stated
 
+STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
+NEARBY_AIM = 4.0  # times its aim: an error within that is not called stuck, for wandering it will meet it
+
 
 @dataclass(frozen=True)
 class MeshStep(Strict):
@@ -23,6 +26,12 @@ class MeshStep(Strict):
 
 
 Report = Callable[[MeshStep], None]
+
+
+def stuck(steps: Sequence[MeshStep], local_error: float, excess: float) -> bool:
+    """Whether errors and excess are far from these aims and no longer fall, as where an optimum is an impulse."""
+    far = [max(step.local_error / local_error, step.excess / excess) for step in steps]
+    return len(far) > STUCK and min(far[-STUCK:]) > max(NEARBY_AIM, NEARER * min(far[:-STUCK]))
 
 
 def change_of(steps: Sequence[tuple[Mapping[str, int], float, int]], least: float) -> float:
