@@ -12,6 +12,12 @@ from hopopt.drivetrain.heat import COPPER, REFERENCE, Cycle, TwoBodies
 from hopopt.drivetrain.supply import winding_heat
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import build_robot
+from hopopt.nlp.solver.ipopt import NlpSolver
+from hopopt.nlp.solver.reuse import with_numbers_of
+from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
+from hopopt.ocp.hop import Hop
+from hopopt.optimality.directions.parametric_sensitivity import slopes
+from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -197,3 +203,27 @@ def test_a_periodic_hop_has_no_pause_and_no_cycle_that_grows_hotter_without_end(
     for joint in found.summary.heat.values():
         assert joint.winding_temperature_C is not None
         assert joint.winding_temperature_C <= 150.0 + 0.0125
+
+
+@pytest.mark.slow
+def test_the_optimum_tells_what_pause_and_air_and_thermal_entries_are_worth() -> None:
+    """By multipliers, and by solving the first mesh again with each a little more and less."""
+    entries = {**THERMAL, "leg.motor.winding_limit": LIMIT, "hop.pause": PAUSE, "environment.temperature": 25.0}
+    t = first_transcription(hop := Hop(load("paper", entries)))
+    solver = NlpSolver(t)
+    best = solver(make_guess(hop, starts_of(hop, 1)[0]))
+    assert best.success
+    told = slopes(best).parameters
+
+    def height(**changed: float) -> float:
+        again = with_numbers_of(t, Hop(load("paper", {**entries, **changed})).problem)
+        found = NlpSolver(again).from_vector(best.z, (best.lam_g, best.lam_x))
+        assert found.success
+        return found.value
+
+    known = {"hop.pause": PAUSE, "environment.temperature": 25.0}
+    for entry in (*known, "leg.motor.winding_limit", "leg.motor.winding_to_housing"):
+        value = known.get(entry, entries[entry])
+        high, low = height(**{entry: 1.01 * value}), height(**{entry: 0.99 * value})
+        assert told[entry][0] == pytest.approx((high - low) / (0.02 * value), rel=5e-3), entry
+    assert told["hop.pause"][0] > 0 > told["environment.temperature"][0]

@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hopopt.design.parameters import AMBIENT, PAUSE
 from hopopt.drivetrain.heat import TwoBodies, limited
 from hopopt.drivetrain.supply import winding_heat
 from hopopt.errors import UsageError
@@ -36,6 +38,11 @@ def range_of(leg: MovingLeg, joint: str) -> float:
     return leg.robot.parameters[winding_temperature(leg.leg, joint).key] - leg.design.ambient
 
 
+def _ambient(leg: MovingLeg, p: Mapping[str, Any]) -> Any:
+    """Temperature of the air [degC]: a parameter of the program where the problem states it."""
+    return p.get(AMBIENT, leg.design.ambient)
+
+
 def with_heat(leg: MovingLeg, phase: Phase, motion: MotionAt) -> Phase:
     """The phase with the rises of its motors [K], and the limits of their windings; as it is where none has one."""
     joints = heated(leg)
@@ -49,7 +56,7 @@ def with_heat(leg: MovingLeg, phase: Phase, motion: MotionAt) -> Phase:
     def rates(s: Instant) -> Mapping[str, ca.SX]:
         found: list[ca.SX] = []
         for k, (joint, torque) in enumerate(zip(joints, torques, strict=True)):
-            bodies = TwoBodies.of(leg.leg, joint, s.p, leg.design.ambient)
+            bodies = TwoBodies.of(leg.leg, joint, s.p, _ambient(leg, s.p))
             assert bodies is not None
             heat = winding_heat(leg.leg, joint, s.p) * torque(s) ** 2
             found += bodies.rates(s.rises[2 * k], s.rises[2 * k + 1], heat)
@@ -64,7 +71,7 @@ def _limit(leg: MovingLeg, joint: str, at: int) -> PathConstraint:
     name = winding_temperature(leg.leg, joint)
 
     def left(s: Instant) -> ca.SX:
-        return s.p[name.key] - leg.design.ambient - s.rises[at]
+        return s.p[name.key] - _ambient(leg, s.p) - s.rises[at]
 
     return PathConstraint(name, left, 0.0, INF, range_of(leg, joint), "K")
 
@@ -81,7 +88,7 @@ def heat_goes_on(leg: MovingLeg, phases: Sequence[str]) -> tuple[BoundaryConstra
         first = e.initial[phases[0]].rises
         if pause is None:
             return first
-        left = ca.diagcat(*[_cooling(leg, joint, e, pause) for joint in joints])
+        left = ca.diagcat(*[_cooling(leg, joint, e, e.p.get(PAUSE, pause)) for joint in joints])
         return first - left @ e.final[phases[-1]].rises
 
     return (*found, linkage("heat of the motors at the start", begins, scales.tolist(), unit="K"))
@@ -94,9 +101,9 @@ def _handed_on(before: str, after: str, scales: np.ndarray) -> BoundaryConstrain
     return linkage(f"heat of the motors, {before} to {after}", miss, scales.tolist(), unit="K")
 
 
-def _cooling(leg: MovingLeg, joint: str, e: Ends, pause: float) -> ca.SX:
+def _cooling(leg: MovingLeg, joint: str, e: Ends, pause: Any) -> ca.SX:
     """``TwoBodies.cooling`` of symbols: exp(A t) = exp(m t) (cosh(d t) I + sinh(d t) / d (A - m I)), m +- d the eigenvalues."""
-    bodies = TwoBodies.of(leg.leg, joint, e.p, leg.design.ambient)
+    bodies = TwoBodies.of(leg.leg, joint, e.p, _ambient(leg, e.p))
     assert bodies is not None
     A = ca.horzcat(*[ca.vertcat(*bodies.rates(*unit, 0.0)) for unit in ((1.0, 0.0), (0.0, 1.0))])
     m = (A[0, 0] + A[1, 1]) / 2

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.design.parameters import own_entry, own_numbers
+from hopopt.design.parameters import numbers_beside_leg
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import any_lossy
 from hopopt.errors import UsageError
@@ -83,8 +83,7 @@ class MovingLeg:
     @cached_property
     def numbers(self) -> dict[str, float]:
         """Every number of the problem that is a parameter of its program, by path."""
-        own = {own_entry(name): value for name, value in own_numbers(self.design).items()}
-        return {**self.robot.parameters, **own}
+        return {**self.robot.parameters, **numbers_beside_leg(self.design)}
 
     @cached_property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
