@@ -49,6 +49,9 @@ def solved(entries: dict[str, Any], starts: int) -> tuple[float, str, float]:
     except HopoptError as error:
         return np.nan, one_line(error), time.process_time() - began
     words = "certified" if s.summary.certified else "verified" if s.verified else "not verified"
+    open_conditions = [name for name, check in s.summary.certificate.items() if not check.passed]
+    if why := [*s.summary.failed_checks, *open_conditions]:
+        words += f" ({', '.join(why)}; refinement: {s.summary.refinement_ended})"
     return s.clearance, words, time.process_time() - began
 
 
@@ -69,7 +72,7 @@ def main() -> int:
         shown = ", ".join(f"{height:.4f} m {words}" for height, words, _ in found)
         print(f"{k:3d} {shown}{'   ROSE' if wrong else ''}", flush=True)
         for kind, (_, words, _), entries in zip(KINDS, found, leg, strict=True):
-            ended[kind, words] += 1
+            ended[kind, words.partition(" (")[0]] += 1
             if words != "certified":
                 print(f"    {kind}: {words}\n    {entries}", flush=True)
     for (kind, words), n in sorted(ended.items()):

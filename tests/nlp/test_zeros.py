@@ -79,6 +79,15 @@ def test_a_refinement_ends_on_an_ordinary_mesh_at_the_closed_form() -> None:
     assert max(e.excess.max() for e in found.errors.values()) <= AIMS.excess
 
 
+def test_an_edge_at_a_zero_does_not_go_to_another_far_from_it() -> None:
+    """A hop begins at rest, where its speeds are zero too: there arcs would vanish, and the rest be left without intervals."""
+    mesh = PhaseMesh((0.0, 0.4, 0.7, 1.0), (1, 2), (0, 0))
+    t = Transcription(there_and_back(), radau(3), {"way": mesh})
+    guess = Guess(1.0, np.array([0.0, 1.0]), np.array([[1.0], [-1.0]]), np.full((2, 1), -2.0))
+    shortest, _ = t.bounds({"way": guess})
+    assert (shortest[t.variables["way"].durations] * t.scale[t.variables["way"].durations] >= 0.5 * mesh.spans).all()
+
+
 def test_without_sharp_states_nothing_is_set() -> None:
     problem = there_and_back(0.0)
     assert not sharp_states(problem)

@@ -23,6 +23,7 @@ from hopopt.ocp.guesses.guess import Guess as Guess
 from hopopt.ocp.problem import Component, Parameter, Problem, components, split
 
 SHORTEST_ARC = 1e-4  # of the phase's guessed duration: an arc that shrinks to this is spurious
+SHRINKS = 0.7  # an arc between zeros of states lasts at least this share of its guessed duration: else it moves to other zeros
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,8 @@ class Transcription:
                 out[where.x] = x.ravel()
                 out[where.u] = np.tile(phase.columns(phase.controls, side), layout.control_nodes)
             one_arc = layout.mesh.arcs == 1
-            low[where.durations] = phase.duration[0] if one_arc else SHORTEST_ARC * guess[name].duration
+            shortest = SHRINKS * layout.mesh.spans if layout.mesh.zeros else SHORTEST_ARC
+            low[where.durations] = phase.duration[0] if one_arc else shortest * guess[name].duration
             high[where.durations] = phase.duration[1]
         for side, out in (("lower", low), ("upper", high)):
             out[self.parameters] = np.concatenate([np.zeros(0), *(p.column(side) for p in self.free)])

@@ -46,7 +46,7 @@ from hopopt.nlp.refinement.next_mesh import (
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, sharp_states, zeros
-from hopopt.nlp.solver.ipopt import CARRIED, GENTLE_OPTIONS, NEAR_OPTIONS, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import GENTLE_OPTIONS, NEAR_OPTIONS, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
 
@@ -54,7 +54,7 @@ FINEST = 500  # intervals: a solution that needs more has torques that hardly ma
 MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
 AGREED = 1e-4  # relative
 CARRIED_ITERATIONS = 60  # from carried multipliers
-AT_ZEROS = 4  # times as many where edges move
+SHARP = 3  # times as many where states have sharp zeros
 LONGER = 5  # times as many before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 TIGHTENING_ROUNDS = 10  # of tightening the limits on one mesh
@@ -84,14 +84,15 @@ class Refinement:
         self.aims, self.report, self._first = aims, report, (solution, enforced)
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
         self.between = holds(solution.transcription) if between is None else between
-        self._at_zeros = self.between and sharp_states(solution.transcription.problem)  # whether edges are set there
+        self._sharp = self.between and sharp_states(solution.transcription.problem)
+        self._at_zeros = self._sharp  # whether edges are set where states are zero
         self._restarts_left = round(aims.restarts * aims.iterations)
         self._begin()
 
     def _begin(self) -> None:
         """With the solution on the first mesh."""
         solution, enforced = self._first
-        self.history = list[MeshStep]()
+        self.history, self._ways = list[MeshStep](), WAYS
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh
         # limits that are not enforced by their hulls, as these leave no room, (1, path limits)
@@ -202,7 +203,7 @@ class Refinement:
         guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
         bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._tightened)
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
-        solver = self._solver(enforced.transcription, CARRIED if finer else NEAR_OPTIONS)
+        solver = self._solver(enforced.transcription, self._ways[0] if finer else NEAR_OPTIONS)
         built = time.perf_counter()
         solved = self._solved(solver, guess, free, (enforced.multipliers(lam_g), lam_x), bounds)
         if (found := self._believable(solved)) is None:
@@ -240,9 +241,12 @@ class Refinement:
     def _solved(
         self, warm: NlpSolver, guess: Any, free: Mapping[str, Any], multipliers: Multipliers, bounds: Bounds
     ) -> list[NlpSolution]:
-        """What was solved from the last mesh's point and multipliers and then, until a solution is no worse than that
-        mesh's, from the point alone."""
+        """What was solved from the last mesh's point and multipliers, twice where sharp zeros ask for it, and then, until a
+        solution is no worse than that mesh's, from the point alone."""
         tried = [warm(guess, free, multipliers, bounds)]
+        if self._sharp and not tried[0].success and not self.aims.until.passed:
+            tried = [self._solver(warm.transcription, self._ways[1])(guess, free, multipliers, bounds)]
+            self._ways = self._ways[::-1] if tried[0].success else self._ways
         for strategy in RESTARTS:
             most = self.aims.iterations
             if not tried[0].success:
@@ -282,9 +286,7 @@ class Refinement:
             self._accept(found, 0.0, time.perf_counter() - began, k + 1)
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
-        times = (
-            LONGER if self.aims.restarts else AT_ZEROS if self._at_zeros else 1
-        )  # from the point alone it takes hundreds
+        times = LONGER if self.aims.restarts else SHARP if self._sharp else 1  # from the point alone it takes hundreds
         most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
         return NlpSolver(t, {**known, **most}, until=self.aims.until)
 

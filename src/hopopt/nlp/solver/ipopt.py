@@ -43,6 +43,8 @@ def _from_known(push: float) -> dict[str, Any]:
 STEADY = {"ipopt.adaptive_mu_globalization": "never-monotone-mode", "ipopt.first_hessian_perturbation": 1e-10}
 WARM = _from_known(1e-6) | STEADY  # where the point and the multipliers are nearly known
 CARRIED = _from_known(1e-4) | STEADY  # where they come from a coarser mesh or another problem
+# The same, and where such steps lead round a sharp bend, and back: then a filter is to stop them.
+WAYS = (CARRIED, CARRIED | {"ipopt.adaptive_mu_globalization": "obj-constr-filter"})
 NEAR_OPTIONS = _from_known(1e-11)  # where they are those of the same program within other limits
 # Of schemes that collocate both ends of an interval: controls and multipliers oscillate, and rows of neighbouring intervals
 # depend on each other, which Ipopt has to be told (it finds out too late).
