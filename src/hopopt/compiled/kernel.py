@@ -30,14 +30,14 @@ class Kernel:
     def called(self) -> Any:
         """numba's own object for compiled functions that call it: without what Python calls, which takes a third of the time,
         and compiled for numbers, not once more for a constant that it is given."""
-        from numba.types import unliteral
+        import numba
 
         made = self._compiled(no_cpython_wrapper=True, no_cfunc_wrapper=True)
         for_types = made.get_call_template
-        made.get_call_template = lambda types, named: for_types(tuple(map(unliteral, types)), named)
+        made.get_call_template = lambda types, named: for_types(tuple(map(numba.types.unliteral, types)), named)
         return made
 
-    def _compiled(self, **without: bool) -> Any:
+    def _compiled(self, **without: Any) -> Any:
         import numba
 
         from hopopt.compiled.kernel_cache import CheckedCache
