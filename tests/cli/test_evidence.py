@@ -1,7 +1,6 @@
 """Global evidence from the command line: starts kept one by one, families of local optima, what contradicts it."""
 
 import json
-import shutil
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -82,6 +81,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(results.iterdir())
 
 
+@pytest.mark.slow
 def test_summary_holds_bound_reduced_hop_and_families(study: Path) -> None:
     data = json.loads((study / "summary.json").read_text())
     assert data["starts"]["count"] == 3
@@ -125,25 +125,28 @@ def test_wrong_usage_is_a_sentence(arguments: list[str], said: str, capsys: pyte
     assert said in capsys.readouterr().err
 
 
+@pytest.fixture
+def begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A study of one start, with a given end."""
+    folder = local_optima.open_study(load("paper"), "clearance", tmp_path)
+    monkeypatch.setattr(local_optima, "_ended", lambda design, objective, index: ended(index, 0.8))
+    local_optima.run_starts(folder, 1, 1, lambda words: None)
+    return folder
+
+
 @pytest.mark.parametrize("change", ["{}", '"index": "a"', '"objective": "9"', '"index": 7'])
-def test_a_changed_file_is_named(study: Path, tmp_path: Path, change: str, capsys: pytest.CaptureFixture[str]) -> None:
-    copy = tmp_path / "copy"
-    shutil.copytree(study, copy)
-    file = copy / "starts" / "0000.json"
+def test_a_changed_file_is_named(begun: Path, change: str, capsys: pytest.CaptureFixture[str]) -> None:
+    file = begun / "starts" / "0000.json"
     data = json.loads(file.read_text())
     file.write_text(json.dumps(data | json.loads(f"{{{change}}}")) if change != "{}" else "{}")
-    assert cli.run(["evidence", "--resume", str(copy), "--starts", "1"]) == ResultError("").exit_code
+    assert cli.run(["evidence", "--resume", str(begun), "--starts", "1"]) == ResultError("").exit_code
     assert "0000.json is not what hopopt wrote" in capsys.readouterr().err
 
 
-def test_starts_of_another_problem_are_not_mixed_in(
-    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    copy = tmp_path / "copy"
-    shutil.copytree(study, copy)
-    text = (copy / "problem.toml").read_text()
-    (copy / "problem.toml").write_text(text.replace("ratio = 100.0", "ratio = 90.0"))
-    assert cli.run(["evidence", "--resume", str(copy), "--starts", "1"]) == ResultError("").exit_code
+def test_starts_of_another_problem_are_not_mixed_in(begun: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (begun / "problem.toml").read_text()
+    (begun / "problem.toml").write_text(text.replace("ratio = 100.0", "ratio = 90.0"))
+    assert cli.run(["evidence", "--resume", str(begun), "--starts", "1"]) == ResultError("").exit_code
     assert "problem.toml was changed since the study began" in capsys.readouterr().err
 
 

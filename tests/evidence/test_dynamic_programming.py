@@ -78,7 +78,7 @@ def test_dynamic_programming_approaches_the_planners_optimum(case: str) -> None:
     [
         pytest.param({"contact.friction": 0.1}, marks=pytest.mark.slow),
         pytest.param({"hop.counter_movement": False, "hop.least_height": 0.02}, marks=pytest.mark.slow),
-        {"start.joint_angles": [0.9, -1.2]},
+        pytest.param({"start.joint_angles": [0.9, -1.2]}, marks=pytest.mark.slow),
     ],
 )
 def test_both_methods_solve_the_same_problem_whatever_the_hop_asks(overrides: dict) -> None:

@@ -122,6 +122,16 @@ def test_finer_grids_come_closer_to_the_best_known_hop(found: dict[str, tuple[De
     assert 0.95 * BEST_KNOWN < fine.rollouts[0].clearance < 1.01 * BEST_KNOWN
 
 
+@pytest.mark.parametrize(
+    ("entry", "answer"),
+    [("leg.motor.max_speed=250", 0.1556), ("leg.motor.max_torque=0.4", 0.4671), ("leg.gear.ratio=400", 0.2535)],
+)
+def test_slow_drives_give_no_false_alarm(entry: str, answer: float) -> None:
+    """Of legs that fold slowly the flight counts: nothing on a small grid passes the known hop [m]."""
+    said = search(load("paper", [entry]), 9)
+    assert max(said.value, *(r.clearance for r in said.rollouts)) < 1.01 * answer
+
+
 def test_one_thread_finds_the_same(found: dict[str, tuple[Design, GlobalSearch]]) -> None:
     design, two = found["friction"]
     one = search(design, SIZE, threads=1)

@@ -35,6 +35,7 @@ from hopopt.verify.table import DESCENT, STANCE
 from once import solved_once
 
 PERIODIC = {"hop.kind": "periodic"}
+ROUGH = {**PERIODIC, "contact.friction": 0.6, "hop.touchdown_loss": 3.0}  # the orbit of the tests of transitions
 G = 9.81
 
 
@@ -144,12 +145,21 @@ def test_a_bouncing_mass_with_a_limited_push() -> None:
 # ---- the paper's leg ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_highest_periodic_hop() -> None:
     """Between what another program found from many starts, 0.717 and 0.721 m, and a millimetre more."""
-    s = highest()
+    assert 0.717 <= highest().clearance <= 0.722
+    closes_with_pinocchios_impact(highest())
+
+
+def test_a_periodic_hop() -> None:
+    """On ground that may slip, with a limit on what the impact takes."""
+    closes_with_pinocchios_impact(solved_once(ROUGH))
+
+
+def closes_with_pinocchios_impact(s: Solution) -> None:
     assert s.verified, s.summary.failed_checks
     assert s.summary.certified
-    assert 0.717 <= s.clearance <= 0.722
     orbit, machine = s.summary.orbit, Machine(s.robot)
     assert orbit is not None
     assert orbit.closure < 1e-8

@@ -35,6 +35,7 @@ from known_problems import G, Known, brachistochrone, bryson_denham, lift_off_of
 from once import solved_once
 
 SCHEMES = (radau(2), radau(3), radau(4), HERMITE_SIMPSON, TRAPEZOIDAL)
+KINDS = (radau(3), HERMITE_SIMPSON, TRAPEZOIDAL)  # of other orders than these they are alike
 AIMS = aims_of(Hop(load("paper")))  # the planner's
 PEERS = Path(__file__).parents[2] / "benchmarks" / "peers"
 Case = tuple[Problem, float, dict[str, Any]]  # problem, its optimum, a guess
@@ -103,7 +104,9 @@ def random_mesh(seed: int, intervals: int) -> PhaseMesh:
 # ---- no claim is too high by more than is stated -----------------------------------------------------------
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scheme", [s if s in KINDS else pytest.param(s, marks=pytest.mark.slow) for s in SCHEMES], ids=lambda s: s.name
+)
 @pytest.mark.parametrize("name", [*CASES, *OTHERS])
 def test_claims_on_coarse_meshes(name: str, scheme: Scheme) -> None:
     case = CASES[name]() if name in CASES else known(OTHERS[name]())

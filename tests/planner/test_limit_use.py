@@ -30,8 +30,25 @@ def solved(design: Design) -> Solution:
 
 
 @pytest.fixture(scope="module")
-def plan() -> Solution:
+def plan(hop: Solution) -> Solution:
+    """The paper's hop with caps that change nothing, as the search for it would never meet them."""
+    capped = replace(hop, design=load("paper", {**CAPS, "solver.starts": hop.design.solver.starts}))
+    fine = {phase: capped.everywhere(phase, SAMPLES_OF_INTERVAL) for phase in capped.phases}
+    return capped.with_summary(idle_limits=idle_limits(capped, fine))
+
+
+@pytest.fixture(scope="module")
+def found_so() -> Solution:
+    """The hop that is found within them."""
     return solved(load("paper", CAPS))
+
+
+@pytest.mark.slow
+def test_a_solve_says_what_its_limits_are_used_of(found_so: Solution, plan: Solution) -> None:
+    stated, computed = found_so.summary.idle_limits, plan.summary.idle_limits
+    assert stated.keys() == computed.keys()
+    for name, use in stated.items():
+        assert use.used == pytest.approx(computed[name].used, abs=1e-3), name
 
 
 def test_shares_of_the_limits(plan: Solution) -> None:
@@ -98,8 +115,9 @@ def test_one_line_for_each_entry(plan: Solution) -> None:
 
 
 @pytest.mark.slow
-def test_tightening_idle_limits_has_no_effect(plan: Solution) -> None:
+def test_tightening_idle_limits_has_no_effect(found_so: Solution) -> None:
     """All of them at once, to what the hop uses of them: as high, but for what limits may cost."""
+    plan = found_so
     idle, entries = plan.summary.idle_limits, {}
     for use in idle.values():
         if use.entry.startswith("leg."):
@@ -143,13 +161,13 @@ def test_a_friction_cone_says_what_it_needs(plan: Solution) -> None:
 
 
 @pytest.mark.rarely
-def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
-    folder = str(save(plan, tmp_path, None).result_dir)
+def test_diagnose_says_what_a_stored_hop_leaves_open(found_so: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
+    folder = str(save(found_so, tmp_path, None).result_dir)
     assert run(["diagnose", folder, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["idle_limits"].keys() == plan.summary.idle_limits.keys()
+    assert found["idle_limits"].keys() == found_so.summary.idle_limits.keys()
     assert {(f["phase"], f["name"]) for f in found["flat"]} == {("flight", "a[hip]"), ("flight", "a[knee]")}
-    assert {str(f.name) for f in plan.summary.flat or ()} == {
+    assert {str(f.name) for f in found_so.summary.flat or ()} == {
         f["name"] for f in found["flat"]
     }  # the tie-break hides none
     assert found["durations"]["stance"]["longer"] is None  # at its longest
@@ -165,14 +183,14 @@ def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: P
 
 
 @pytest.mark.slow
-def test_diagnose_keeps_the_rest_where_matrices_are_singular(plan: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+def test_diagnose_keeps_the_rest_where_matrices_are_singular(found_so: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     def fails(error: Exception) -> None:
         def raised(*_: object) -> None:
             raise error
 
         monkeypatch.setattr("hopopt.evidence.diagnosis.flat", raised)
 
-    saved = save(plan, tmp_path, None)
+    saved = save(found_so, tmp_path, None)
     fails(RuntimeError("Error in Function::call"))
     with pytest.raises(ResultError, match="do not fit together"):
         diagnose(saved)

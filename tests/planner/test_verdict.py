@@ -90,8 +90,9 @@ def test_a_point_whose_simulated_hop_fails_is_not_verified(monkeypatch: pytest.M
     assert "simulated in one piece" in point.sentence
 
 
-def test_a_verdict_holds_only_if_every_check_does(answer: Answer) -> None:
-    verdict = answer.verdict
+def test_a_verdict_holds_only_if_every_check_does(hop: Solution) -> None:
+    verdict = hop.verdict
+    assert verdict is not None
     assert verdict.verified
     assert verdict.certified
     bad = verdict.with_checks([Check("planted", 2.0, 1.0, "SI")])

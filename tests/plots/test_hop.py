@@ -166,7 +166,7 @@ def test_a_trunk_is_drawn_whole_and_named() -> None:
 
 def test_only_limits_that_hold_are_drawn(solved: Callable[[str], Solution]) -> None:
     """The friction cone where there is friction, the foot window where the objective has one."""
-    for case in CASES:
+    for case in ("paper", "friction", "apex"):
         assert ("friction" in labels(FIGURES["ground_force"](solved(case)))) == (case == "friction")
         assert ("foot window" in labels(FIGURES["stick"](solved(case)))) == (case != "apex")
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hopopt.api import Study, sweep
@@ -18,7 +19,8 @@ from hopopt.storage.seal.digests import DATA, changed, digests, seal
 from hopopt.storage.seal.recheck import recheck, reverified
 from hopopt.storage.seal.repair import repaired
 from hopopt.storage.solution import read, save, with_more
-from hopopt.studies.sweep.store import FILES
+from hopopt.studies.sweep.store import FILES, save_point
+from stored_results import point, stored_study
 
 Change = Callable[[dict[str, Any]], Any]
 
@@ -39,11 +41,17 @@ def higher_and_summing(data: dict[str, Any]) -> None:
     data["parts"]["ballistic_rise_m"] += 0.1
 
 
-@pytest.fixture
-def stored(hop: Solution, tmp_path: Path) -> Path:
-    folder = save(hop, tmp_path).result_dir
+@pytest.fixture(scope="module")
+def written(hop: Solution, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = save(hop, tmp_path_factory.mktemp("results")).result_dir
     assert folder is not None
     return folder
+
+
+@pytest.fixture
+def stored(written: Path, tmp_path: Path) -> Path:
+    """A result that a test may change."""
+    return Path(shutil.copytree(written, tmp_path / written.name))
 
 
 def says_verified(shown: str) -> bool:
@@ -206,6 +214,14 @@ def study(finished: Study, tmp_path: Path) -> Path:
     return Path(shutil.copytree(finished.folder, tmp_path / "study"))
 
 
+@pytest.fixture
+def noted(tmp_path: Path) -> Path:
+    """A study of two points, with given heights, with where a neighbour of the first begins."""
+    made = stored_study(tmp_path, {"leg.gear.ratio": [115.0, 120.0]}, [0.7, 0.71])
+    save_point(made.folder, point(made.definition, 0, 0.7), {"x": np.zeros(3)})
+    return made.folder
+
+
 @pytest.mark.slow
 def test_a_study_is_verified_again(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["verify", str(study), "--json"]) == 0
@@ -260,21 +276,21 @@ def test_a_point_that_was_changed_is_told_and_not_written_anew(
     ],
 )
 def test_a_point_file_that_holds_no_point_is_named(
-    study: Path, text: str, words: str, capsys: pytest.CaptureFixture[str]
+    noted: Path, text: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (study / "points" / "0000-0.json").write_text(text)
+    (noted / "points" / "0000-0.json").write_text(text)
     for command in (["sweep", "--no-figures", "--resume"], ["verify"]):
-        assert run([*command, str(study)]) == ResultError("").exit_code
+        assert run([*command, str(noted)]) == ResultError("").exit_code
         said = capsys.readouterr().err
         assert len(said.splitlines()) == 1
         assert "0000-0.json" in said
         assert words in said
 
 
-def test_where_a_neighbour_begins_is_kept_too(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = study / "points" / "0000-0.npz"
+def test_where_a_neighbour_begins_is_kept_too(noted: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = noted / "points" / "0000-0.npz"
     path.write_bytes(path.read_bytes() + b" ")
-    assert run(["sweep", "--no-figures", "--resume", str(study)]) == 2
+    assert run(["sweep", "--no-figures", "--resume", str(noted)]) == 2
     assert "0000-0.npz beside it was changed" in capsys.readouterr().err
 
 
@@ -292,8 +308,8 @@ def test_a_table_that_was_changed_is_named_and_written_anew_by_a_resume(
     assert not changed(study, FILES)
 
 
-def test_a_definition_that_was_changed_is_not_resumed(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    edit(study / "sweep.json", lambda data: data.update(starts=2))
+def test_a_definition_that_was_changed_is_not_resumed(noted: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(noted / "sweep.json", lambda data: data.update(starts=2))
     for command in (["sweep", "--no-figures", "--resume"], ["verify"]):
-        assert run([*command, str(study)]) == 2
+        assert run([*command, str(noted)]) == 2
         assert "sweep.json was changed after it was written: starts" in capsys.readouterr().err

@@ -23,6 +23,7 @@ from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point import Neighbour, solve_again, solve_point
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED
+from stored_results import stored_study
 from waiting import beside_progress, wait_for
 
 HOPOPT = [sys.executable, "-m", "hopopt.cli.main"]
@@ -37,6 +38,15 @@ SWEEP = [
     "1",
     "--vary",
     "leg.gear.ratio=115,130,145",
+]
+
+MANY = [  # points of which each takes a moment
+    "sweep",
+    *(word for entry in (SHORT, "solver.refine=false", "solver.stance_intervals=8") for word in ("--set", entry)),
+    "--starts",
+    "1",
+    "--vary",
+    "leg.gear.ratio=100:160:40",
 ]
 
 
@@ -90,8 +100,7 @@ def test_files_and_figures(study: ho.Study) -> None:
 
 def test_failed_points_are_drawn_where_there_is_no_height(tmp_path: Path) -> None:
     """Below the axis' scale, in a strip without ticks, and the one height that there is well above it."""
-    design = ho.load("paper", [SHORT])
-    found = ho.sweep(design, {"leg.shank.length": [0.2, 0.361]}, starts=1, processes=1, results=tmp_path)
+    found = ho.read(stored_study(tmp_path, {"leg.shank.length": [0.361, 0.2]}, [0.73, None]).folder, ho.Study)
     (figure,) = found.plot().values()
     figure.draw_without_rendering()
     ax = figure.axes[0]
@@ -125,9 +134,9 @@ def heeding_interrupts() -> None:
 
 
 @contextmanager
-def begun(cwd: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
+def begun(cwd: Path, *words: str) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
     """A sweep of its own process group, as soon as it has finished a point; and its folder."""
-    environment, command = {**os.environ, "OMP_NUM_THREADS": "1"}, [*HOPOPT, *SWEEP, "--processes", "2"]
+    environment, command = {**os.environ, "OMP_NUM_THREADS": "1"}, [*HOPOPT, *(words or SWEEP), "--processes", "2"]
     with subprocess.Popen(
         command, cwd=cwd, env=environment, start_new_session=True, stderr=subprocess.PIPE, preexec_fn=heeding_interrupts
     ) as running:
@@ -158,7 +167,7 @@ def test_killed_at_any_instant_it_goes_on(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_interrupted_it_says_how_to_go_on(number: signal.Signals, tmp_path: Path) -> None:
     """And its processes end with it, which would hold its output open, and complain."""
-    with begun(tmp_path) as (running, folder):
+    with begun(tmp_path, *MANY) as (running, folder):
         running.send_signal(number)
         words = running.communicate()[1].decode()
     assert running.returncode == 130, words

@@ -52,7 +52,7 @@ def failing(writes: int, code: int) -> Callable[[int], None]:
 @pytest.mark.parametrize(
     ("writes", "code"),
     [
-        (3, errno.ENOSPC),
+        pytest.param(3, errno.ENOSPC, marks=pytest.mark.slow),
         (7, errno.EROFS),
         pytest.param(5, errno.EROFS, marks=pytest.mark.slow),
         pytest.param(9, errno.EDQUOT, marks=pytest.mark.slow),
