@@ -121,12 +121,7 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     )  # fmt: skip
     friction = design.contact.friction
     watched = points_above_ground(design)
-    if friction is not None and robot.turning:
-        raise UsageError(
-            f"{design.name}: a foot that may slip is simulated with drives that turn as their joints do: leave out the joints' "
-            "transmissions or contact.friction"
-        )
-    if not can_slip(design.leg) or (friction is None and (drive.states or robot.turning)):
+    if not can_slip(design.leg) or (friction is None and drive.states):
         return Plant(robot, drive, watched, finer)
     return RoughGround(robot, drive, np.inf if friction is None else friction, watched, finer)
 

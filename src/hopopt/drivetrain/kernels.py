@@ -91,6 +91,42 @@ def passed(drive: Any, k: int, torque: float, w: float) -> tuple[float, float]:
 
 
 @kernel
+def own_ratio(drive: Any, k: int, q: float) -> tuple[float, float]:
+    """Ratio of joint k's own law at an angle q [rad], and its slope [1/rad]: a cubic between the places of ``transmission.numbers``,
+    straight on beyond them."""
+    step = drive.turn_step[k]
+    place = (q - drive.turn_from[k]) / step
+    last = drive.turn_ratio.shape[1] - 1
+    if place <= 0 or place >= last:
+        end = 0 if place <= 0 else last
+        slope = drive.turn_slope[k, end]
+        return drive.turn_ratio[k, end] + slope * (place - end) * step, slope
+    i = int(place)
+    s = place - i
+    r0, r1, d0, d1 = drive.turn_ratio[k, i], drive.turn_ratio[k, i + 1], drive.turn_slope[k, i] * step, drive.turn_slope[k, i + 1] * step  # fmt: skip
+    curve, twist = 3 * (r1 - r0) - 2 * d0 - d1, 2 * (r0 - r1) + d0 + d1
+    return r0 + s * (d0 + s * (curve + s * twist)), (d0 + s * (2 * curve + 3 * s * twist)) / step
+
+
+@kernel
+def drive_jacobian(drive: Any, q: np.ndarray) -> np.ndarray:
+    """d theta / d q (n, n) of the drives behind their gears at joint angles q (n) [rad]."""
+    found = drive.coupling.copy()
+    for k in range(len(q)):
+        found[k, k] += own_ratio(drive, k, q[k])[0]
+    return found
+
+
+@kernel
+def drive_drift(drive: Any, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """How the drives speed up (n) [rad/s^2] at joint angles q and speeds v (n) [rad, rad/s] where no joint does."""
+    found = np.zeros(len(q))
+    for k in range(len(q)):
+        found[k] = own_ratio(drive, k, q[k])[1] * v[k] * v[k]
+    return found
+
+
+@kernel
 def rubbing_parts(drive: Any, motor: np.ndarray, armature: np.ndarray, h: float) -> int:
     """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.
 

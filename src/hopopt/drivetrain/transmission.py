@@ -79,6 +79,32 @@ def ratios(leg: Leg, joint: str, p: Mapping[str, Any], angles: np.ndarray) -> np
     return ca.Function("ratio", [q], [ca.gradient(drive_angle(leg, joint, p, q), q)])(angles.reshape(1, -1)).full()[0]
 
 
+PLACES = 129  # of a joint's range where compiled plants have a ratio and its slope: a cubic between two is off by 1e-9
+
+
+def numbers(leg: Leg, p: Mapping[str, float]) -> dict[str, Any]:
+    """What compiled plants read of a leg's transmissions: ``turned``, whether there are any; ``coupling`` (n, n), how far drives
+    turn with other joints; ``turn_from`` [rad] and ``turn_step`` (n) [rad], first and distance of the places at which ``turn_ratio`` and
+    ``turn_slope`` [1/rad] (n, PLACES) are the ratio of a joint's own law and its derivative."""
+    n = len(leg.joints)
+    coupling, ratio, slope = np.zeros((n, n)), np.ones((n, PLACES)), np.zeros((n, PLACES))
+    start, step = np.zeros(n), np.ones(n)
+    for k, joint in enumerate(leg.joints):
+        between, q = leg.joint[joint].transmission, ca.SX.sym("q")
+        for other in (between and between.coupling) or ():
+            coupling[k, leg.joints.index(other)] = p[f"leg.{joint}.transmission.coupling.{other}.ratio"]
+        if between is not None and between.law is not None:
+            own = ca.gradient(drive_angle(leg, joint, p, q), q)
+            places = np.linspace(leg.joint[joint].lower, leg.joint[joint].upper, PLACES)
+            found = ca.Function("own", [q], [own, ca.gradient(own, q)])(places.reshape(1, -1))
+            ratio[k], slope[k] = (each.full()[0] for each in found)
+            start[k], step[k] = places[0], places[1] - places[0]
+    return {
+        "turned": int(not leg.direct), "coupling": coupling, "turn_from": start, "turn_step": step,
+        "turn_ratio": ratio, "turn_slope": slope,
+    }  # fmt: skip
+
+
 def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
     """theta (n) [rad] of the drives behind their gears at joint angles q (n), from parameter values or symbols by their paths."""
     found = [drive_angle(leg, joint, p, q[k]) for k, joint in enumerate(leg.joints)]

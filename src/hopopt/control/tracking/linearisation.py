@@ -21,7 +21,7 @@ class Linearisation:
         self.machine = machine
         scale, n = Scale.of(machine.leg), len(machine.robot.joints)
         self._steps = STEP * np.repeat([1.0, 1 / scale.time, scale.force * scale.length], n)
-        self._leg = pinned.free_leg(machine.robot) if can_slip(machine.leg) and machine.leg.direct else None
+        self._leg = pinned.free_leg(machine.robot) if can_slip(machine.leg) else None
 
     def answers(self, z: np.ndarray, contact: bool) -> np.ndarray:
         """At k places z (k, 3 n), (k, n + 2)."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain.kernels import driven, passed, rubbing_parts
+from hopopt.drivetrain.kernels import drive_drift, drive_jacobian, driven, passed, rubbing_parts
 from hopopt.sim.ground import stops
 from hopopt.sim.ground.coulomb import (
     BACKWARD,
@@ -37,20 +37,31 @@ STOP_STEPS = 32  # of a step where a joint touches its end stop: they are stiff
 
 
 @kernel
+def given(leg: Any, T: np.ndarray, w: np.ndarray, command: np.ndarray) -> np.ndarray:
+    """Torques (n) [N m] of the motors within their limits, behind their gears, for a command (n) [N m] at the joints; T: d theta / d q
+    (n, n), looked at where drives do not turn as joints do; w (n) [rad/s]: their speeds."""
+    return driven(leg, w, np.linalg.solve(T.T.copy(), command) if leg.turned else command)
+
+
+@kernel
 def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[Any, ...]:
     """Accelerations without contact, and by unit forces along x and z at the foot, (n + 2, 3); c (2) [m/s^2] and
     G (2, 2) [1/kg] of the foot; its velocity (2) [m/s]; power of the motors, lost in the gears, into the stops [W];
-    torques (n) [N m] of motors and joints.
+    torques (n) [N m] of the motors, behind their gears, and of the joints.
 
     Gears take their share of what the rotors leave, which depends on how the leg moves in a mode: Newton's method.
     """
     joints, centres, drift = chain(leg, q, v)
     n = len(q) - 2
-    w = v[2:]
-    motor = driven(leg, w, command)
-    stop = stops.torque(q[2:], w, leg.stop_lower, leg.stop_upper, leg.stiffness, leg.loss)
-    J, h = foot_jacobian(leg, joints), bias(leg, q, joints, centres, drift)
-    M = mass_matrix(leg, joints, centres)
+    J, w = foot_jacobian(leg, joints), v[2:]
+    T, late = J, w
+    if leg.turned:
+        T, late = drive_jacobian(leg, q[2:]), drive_drift(leg, q[2:], v[2:])
+        w = T @ w
+    motor = given(leg, T, w, command)
+    stop = stops.torque(q[2:], v[2:], leg.stop_lower, leg.stop_upper, leg.stiffness, leg.loss)
+    h = bias(leg, q, v, joints, centres, drift)
+    M = mass_matrix(leg, q, joints, centres)
     tau, a, c, most = motor.copy(), np.zeros(n), np.zeros(2), 1 if leg.lossless else NEWTON_STEPS
     X, G, velocity = np.zeros((n + 2, 3)), np.zeros((2, 2)), np.zeros(2)
     for _ in range(most):
@@ -61,14 +72,29 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
                 rotor = leg.armature[k]
                 out, slope = passed(leg, k, motor[k] - rotor * a[k], w[k])
                 ahead = out + slope * rotor * a[k]
-                mass[2 + k, 2 + k] -= (1 - slope) * rotor
                 tau[k] = out + rotor * a[k]
-            forces[2 + k] += ahead + stop[k]
+                if leg.turned:
+                    ahead += (1 - slope) * rotor * late[k]
+                    for i in range(n):
+                        for j in range(n):
+                            mass[2 + i, 2 + j] -= (1 - slope) * rotor * T[k, i] * T[k, j]
+                else:
+                    mass[2 + k, 2 + k] -= (1 - slope) * rotor
+            if leg.turned:
+                for i in range(n):
+                    forces[2 + i] += T[k, i] * ahead
+                forces[2 + k] += stop[k]
+            else:
+                forces[2 + k] += ahead + stop[k]
         X, c, G, velocity = response(mass, forces, J, drift[n], v)
         fx, fz = contact_force(mode, leg.mu, c, G)
         step = 0.0
         for k in range(n):
             moved = X[2 + k, 0] + fx * X[2 + k, 1] + fz * X[2 + k, 2]
+            if leg.turned:
+                moved = late[k]
+                for i in range(n):
+                    moved += T[k, i] * (X[2 + i, 0] + fx * X[2 + i, 1] + fz * X[2 + i, 2])
             step = max(step, abs(moved - a[k]) / (1 + abs(moved)))
             a[k] = moved
         if step < SETTLED:
@@ -77,8 +103,8 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     for k in range(n):
         power[0] += motor[k] * w[k]
         power[1] += (motor[k] - tau[k]) * w[k]
-        power[2] -= stop[k] * w[k]
-    return X, c, G, velocity, power, motor, tau
+        power[2] -= stop[k] * v[2 + k]
+    return X, c, G, velocity, power, motor, T.T.copy() @ tau if leg.turned else tau
 
 
 @kernel
@@ -125,7 +151,8 @@ def settled(leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray) -> N
 @kernel
 def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: float) -> int:
     """Into how many parts a step of h [s] is cut: more where a joint meets its end stop, or gear friction turns round."""
-    motor = driven(leg, v[2:], command)
+    T = drive_jacobian(leg, q[2:]) if leg.turned else np.zeros((0, 0))
+    motor = given(leg, T, T @ v[2:] if leg.turned else v[2:], command)
     parts = STOP_STEPS if stops.near(q[2:], v[2:], leg.stop_lower, leg.stop_upper, h) else 1
     return max(parts, rubbing_parts(leg, motor, leg.armature, h)) * leg.finer
 
@@ -235,7 +262,7 @@ def impact(leg: Any, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float, i
     """Speeds after the foot has met the ground, the energy that took [J], and the mode it leaves."""
     joints, centres, _ = chain(leg, q, v)
     J = foot_jacobian(leg, joints)
-    X = solved(mass_matrix(leg, joints, centres), J.T.copy())
+    X = solved(mass_matrix(leg, q, joints, centres), J.T.copy())
     before, G = of_foot(J, v, X)
     px, pz = contact_force(STICK, leg.mu, before, G)
     mode = STICK

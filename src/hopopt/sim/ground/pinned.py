@@ -31,7 +31,7 @@ def answer(leg: Any, mode: int, z: np.ndarray) -> np.ndarray:
     q, v, tau = np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
     q[2:], v[2:], tau[2:] = z[:n], z[n : 2 * n], z[2 * n :]
     joints, centres, drift = chain(leg, q, v)
-    forces, M = tau - bias(leg, q, joints, centres, drift), mass_matrix(leg, joints, centres)
+    forces, M = tau - bias(leg, q, v, joints, centres, drift), mass_matrix(leg, q, joints, centres)
     X, c, G, _ = response(M, forces, foot_jacobian(leg, joints), drift[n], v)
     found = np.zeros(n + 2)
     found[n], found[n + 1] = contact_force(mode, leg.mu, c, G)

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel, packed
+from hopopt.drivetrain import transmission
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.kernels import add_spring_torques
+from hopopt.drivetrain.kernels import add_spring_torques, drive_drift, drive_jacobian
 from hopopt.errors import UsageError
 from hopopt.leg.geometry.solids import BODY, SIDES
 from hopopt.leg.kinematics import can_slip
@@ -31,13 +32,11 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: Collection[str
     tip, com (n, 2): next joint, or foot, and centre of mass in the link's frame [m]
     mass, inertia, armature (n,): [kg, kg m^2]; body: mass of the body [kg]
     gravity (2,): along x and z [m/s^2]
-    the names of ``Drive.numbers`` and of ``Springs.numbers``, as there
+    the names of ``Drive.numbers``, ``Springs.numbers`` and ``transmission.numbers``, as there
     stop_upper, stop_lower, stiffness, loss: as in ``Stops``
     """
     if not can_slip(robot.leg):
         raise UsageError("ground with friction is simulated for legs on x and z guides that move in the x-z plane only")
-    if not robot.leg.direct:
-        raise UsageError("ground with friction is simulated for legs whose drives turn as their joints do")
     n, model = len(robot.joints), robot.model
     inertias, axes = list(model.inertias)[BASE + 1 :], [robot.leg.joint[name].axis[1] for name in robot.joints]
     ends = [model.jointPlacements[k].translation for k in range(BASE + 2, BASE + 1 + n)]
@@ -48,11 +47,12 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: Collection[str
             "com": np.array([i.lever for i in inertias])[:, [0, 2]],
             "mass": np.array([i.mass for i in inertias]),
             "inertia": np.array([i.inertia[1, 1] for i in inertias]),
-            "armature": np.array(model.armature)[BASE:],
+            "armature": robot.rotors,
             "body": float(model.inertias[BASE].mass),
             "gravity": np.array(model.gravity.linear)[[0, 2]],
             **drive.numbers,
             **robot.springs.numbers(n),
+            **transmission.numbers(robot.leg, robot.parameters),
             **{"stop_upper": stops.upper, "stop_lower": stops.lower, "stiffness": stops.stiffness, "loss": stops.loss},
             **_watched(robot, watched),
             **{"mu": mu, "finer": finer},
@@ -132,7 +132,7 @@ def foot_jacobian(leg: Any, joints: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def mass_matrix(leg: Any, joints: np.ndarray, centres: np.ndarray) -> np.ndarray:
+def mass_matrix(leg: Any, q: np.ndarray, joints: np.ndarray, centres: np.ndarray) -> np.ndarray:
     """(n + 2 square) [kg, kg m, kg m^2]."""
     n = len(centres)
     M = np.zeros((n + 2, n + 2))
@@ -149,16 +149,22 @@ def mass_matrix(leg: Any, joints: np.ndarray, centres: np.ndarray) -> np.ndarray
                 xk, zk = leg.sign[k] * (centres[i, 1] - joints[k, 1]), -leg.sign[k] * (centres[i, 0] - joints[k, 0])
                 M[2 + k, 2 + j] += m * (xj * xk + zj * zk) + leg.inertia[i] * leg.sign[j] * leg.sign[k]
     for j in range(n + 2):
-        if j >= 2:
+        if j >= 2 and not leg.turned:
             M[j, j] += leg.armature[j - 2]
         for k in range(j):
             M[j, k] = M[k, j]
+    if leg.turned:
+        J = drive_jacobian(leg, q[2:])
+        M[2:, 2:] += J.T.copy() @ (leg.armature.reshape(n, 1) * J)
     return M
 
 
 @kernel
-def bias(leg: Any, q: np.ndarray, joints: np.ndarray, centres: np.ndarray, drift: np.ndarray) -> np.ndarray:
-    """Generalised forces (n + 2) of gravity, centrifugal and Coriolis forces and of springs [N, N m]: M a + bias = forces."""
+def bias(
+    leg: Any, q: np.ndarray, v: np.ndarray, joints: np.ndarray, centres: np.ndarray, drift: np.ndarray
+) -> np.ndarray:
+    """Generalised forces (n + 2) of gravity, centrifugal and Coriolis forces, of springs, and of rotors that ratios speed up
+    [N, N m]: M a + bias = forces."""
     n = len(centres)
     given = np.zeros(n)
     add_spring_torques(leg, q[2:], given)
@@ -172,6 +178,8 @@ def bias(leg: Any, q: np.ndarray, joints: np.ndarray, centres: np.ndarray, drift
         h[1] += fz
         for j in range(i + 1):
             h[2 + j] += leg.sign[j] * ((centres[i, 1] - joints[j, 1]) * fx - (centres[i, 0] - joints[j, 0]) * fz)
+    if leg.turned:
+        h[2:] += drive_jacobian(leg, q[2:]).T.copy() @ (leg.armature * drive_drift(leg, q[2:], v[2:]))
     return h
 
 
