@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
-from random_legs import feasible_legs, loaded
+from random_legs import feasible_legs
 
 import hopopt as ho
 from hopopt.errors import HopoptError, ProblemFileError, one_line
@@ -53,7 +53,7 @@ def transmission(entries: dict[str, Any], rng: np.random.Generator) -> dict[str,
             middle = (entries["leg.knee.lower"] + entries["leg.knee.upper"]) / 2
             found |= {"leg.spring.knee.stiffness": 0.1 * stall, "leg.spring.knee.rest_angle": middle}
         try:
-            loaded(found)
+            ho.load("paper", found)
         except ProblemFileError:
             continue
         return found
@@ -63,7 +63,7 @@ def solved(entries: dict[str, Any], starts: int) -> tuple[float, str, float, flo
     """Clearance [m], how it ended, by how much the hop in one piece is short of it [m], and processor time [s]."""
     began = time.process_time()
     try:
-        s = ho.solve(loaded(entries), starts=starts, processes=1)
+        s = ho.solve(ho.load("paper", entries), starts=starts, processes=1)
     except HopoptError as error:
         return np.nan, one_line(error), np.nan, time.process_time() - began
     words = "certified" if s.summary.certified else f"verified={s.verified}: {s.summary.failed_checks}"

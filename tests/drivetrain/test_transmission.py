@@ -9,13 +9,17 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 from tests.once import solved_once
 
+from hopopt.control.closed_loop import make_plant
 from hopopt.design import Leg, physical_parameters
 from hopopt.drivetrain.transmission import drive_angle, ratios
 from hopopt.errors import ProblemFileError
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.problem.load import load
+from hopopt.sim.ground.rough_ground import RoughGround
 from hopopt.sim.machine import Machine
+from hopopt.sim.plant import Plant
+from hopopt.sim.state import State
 
 KNEE = "leg.knee.transmission"
 FOUR_BAR = {"ground": 0.3, "crank": 0.06, "rod": 0.31, "arm": 0.05, "stretched": -2.9}
@@ -137,6 +141,21 @@ def test_forward_dynamics_inverts_inverse_dynamics_and_the_planner_agrees(contac
     assert tau @ v[BASE:] == pytest.approx(of_drives @ w, rel=1e-9)  # no power is lost between joints and drives
     assert robot.turning is not None
     assert w_rate == pytest.approx(robot.turning.jacobian(q_j) @ a[BASE:] + robot.turning.drift(q_j, v_j), rel=1e-9)
+
+
+@pytest.mark.parametrize("contact", [True, False])
+def test_the_compiled_plant_moves_a_leg_with_lossy_gears_as_pinocchio_does(contact: bool) -> None:
+    design = load("paper", MIXED | {"leg.gear.efficiency": 0.8, "leg.gear.friction": 1.0})
+    compiled = make_plant(design)
+    assert isinstance(compiled, RoughGround)
+    plant, command = Plant(compiled.robot, compiled.drive), np.array([25.0, -60.0])
+    terms = plant.machine.stance_terms(np.array([0.3, -1.1]), np.array([-2.0, 4.0]))
+    s = State(terms.q, terms.v, contact=contact, foot=0.0)
+    for mine, expected in zip(compiled.torques(s, command), plant.torques(s, command), strict=True):
+        assert mine == pytest.approx(expected, rel=1e-7, abs=1e-6)
+    a, b = (p.step(s, lambda t, q, v: command, 1e-4) for p in (compiled, plant))
+    assert np.r_[a.q, a.v] == pytest.approx(np.r_[b.q, b.v], rel=1e-7, abs=1e-7)
+    assert a.work == pytest.approx(b.work, rel=1e-6, abs=1e-8)
 
 
 @pytest.mark.parametrize(
