@@ -67,7 +67,7 @@ def solved(entries: dict[str, Any], starts: int) -> tuple[float, str, float, flo
     except HopoptError as error:
         return np.nan, one_line(error), np.nan, time.process_time() - began
     words = "certified" if s.summary.certified else f"verified={s.verified}: {s.summary.failed_checks}"
-    whole = s.summary.simulated
+    whole = s.summary.objective_error.simulated
     short = np.nan if whole is None or whole.clearance_m is None else s.clearance - whole.clearance_m
     return s.clearance, words, short, time.process_time() - began
 

@@ -84,14 +84,14 @@ def dynamics_are_pinocchios(leg: Leg, q: np.ndarray, v: np.ndarray, tau: np.ndar
     c = planar.planar_leg(plant.robot, plant.drive, plant.stops, set(), 0.5)
     c["stiffness"][:] = 0.0  # no end stops
     joints, centres, drift = planar.chain(c, q, v)
-    M, M_other = planar.mass_matrix(c, joints, centres), machine.mass_matrix(q)
+    M, M_other = planar.mass_matrix(c, q, joints, centres), machine.mass_matrix(q)
     np.testing.assert_allclose(M, M_other, rtol=0, atol=1e-11 * np.abs(M_other).max())
     np.testing.assert_allclose(joints[-1], machine.foot_motion(q, v)[0], atol=1e-12)
     np.testing.assert_allclose(planar.foot_jacobian(c, joints), machine.foot_jacobian(q), atol=1e-12)
     for mode in (contact.FLIGHT, contact.STICK):
         a = machine.acceleration(q, v, tau, contact=mode == contact.STICK)
         mine, _ = contact.rates(c, mode, q, v, tau)
-        forces = np.abs(M_other) @ np.abs(a) + np.abs(planar.bias(c, q, joints, centres, drift)) + np.abs(tau).max()
+        forces = np.abs(M_other) @ np.abs(a) + np.abs(planar.bias(c, q, v, joints, centres, drift)) + np.abs(tau).max()
         np.testing.assert_allclose(M_other @ (mine - a), 0, atol=1e-7 * forces.max())
 
 
