@@ -19,14 +19,14 @@ class Fake:
     """A session that solves nothing, and notes what it is asked."""
 
     def __init__(self, tell: Callable[[dict[str, Any]], None]):
-        self.tell, self.asked, self.state = tell, list[Any](), {"problem": "fake"}
+        self.tell, self.asked, self.state, self.orders = tell, list[Any](), {"problem": "fake"}, self
 
     async def run(self) -> None:
         await asyncio.Event().wait()
 
-    async def write(self) -> None: ...
+    def write(self) -> None: ...
 
-    report = write
+    report = pd = reached = write
 
     def set(self, values: Any) -> None:
         if "no" in values:
@@ -99,7 +99,11 @@ def test_what_a_page_asks_is_done_or_refused_in_a_sentence() -> None:
         request = httpclient.HTTPRequest(url, headers={"Origin": server.address.rsplit("/", 2)[0]})
         page = await websocket.websocket_connect(request)
         heard = [json.loads(await page.read_message())]
-        for message in ('{"set": {"a": 1.0}}', '{"set": {"no": 1}}', '{"rm": "/"}', "[]", "{", '{"set": 3}', "1e999"):
+        strange = (
+            "[]", "{", '{"set": 3}', "1e999", "[" * 9000, '{"set": {"deep": ' + "[" * 9000 + "]" * 9000 + "}}",
+            '{"back": NaN}', '{"back": ' + "9" * 5000 + "}",
+        )  # fmt: skip
+        for message in ('{"set": {"a": 1.0}}', '{"set": {"no": 1}}', '{"rm": "/"}', *strange):
             await page.write_message(message)
             heard.append(json.loads(await page.read_message()))
         page.close()

@@ -11,13 +11,13 @@ import pytest
 from hopopt import load
 from hopopt.errors import UsageError
 from hopopt.live import session as module
-from hopopt.live import worker
-from hopopt.live.bench import IMPOSSIBLE, PRELIMINARY, Found
+from hopopt.live.bench import IMPOSSIBLE, PRELIMINARY, Found, Learnt
 from hopopt.live.desk import Verified
+from hopopt.live.processes import beside
+from hopopt.live.processes.worker import Failed, Stopped
 from hopopt.live.session import Session
 from hopopt.live.sliders import named
 from hopopt.live.tried import MOST_DESIGNS
-from hopopt.live.worker import Failed, Stopped
 
 ENTRIES = ["leg.gear.ratio", "leg.body.mass"]
 FIGURES: Mapping[str, float | None] = {"mass_kg": 8.0, "peak_power_W": 100.0, "lowest_voltage": None}
@@ -26,7 +26,7 @@ FIGURES: Mapping[str, float | None] = {"mass_kg": 8.0, "peak_power_W": 100.0, "l
 class Workers:
     """In place of other processes: a bench that takes a while, a desk that takes longer."""
 
-    bench_s, desk_s, sound, better = 0.004, 0.02, True, False
+    bench_s, desk_s, sound, better, broken = 0.004, 0.02, True, False, False
 
     def __init__(self, make: Callable[..., Any], say: Callable[[str], None]):
         self.stopped, self.desk = asyncio.Event(), "desk" in repr(make)
@@ -62,6 +62,8 @@ class Workers:
         ]
 
     def verify(self, entries: Mapping[str, Any], found: Found) -> Verified:
+        if self.broken:
+            raise Failed("no memory is left")
         if not self.sound:
             return Verified(False, ("replay",), None, FIGURES, {})
         return Verified(True, (), (found.value or 0.0) + 0.001, FIGURES, found.picture or {}, "folder")
@@ -69,11 +71,16 @@ class Workers:
     def search(self, entries: Mapping[str, Any]) -> Any:
         return {1: None}, ("another way",)
 
-    def learn(self, values: Mapping[str, float], families: Any, words: Any) -> bool:
-        return self.better
+    def learn(self, values: Mapping[str, float], families: Any, words: Any) -> Learnt:
+        return Learnt(self.better, int(self.better))
+
+    def leave(self, *methods: str) -> None: ...
 
     def write(self, entries: Mapping[str, Any]) -> str:
         raise Failed("the disk is full")
+
+    def report(self, folder: str) -> str:
+        return f"{folder}/report.html"
 
 
 def value_of(values: Mapping[str, float]) -> float:
@@ -85,7 +92,7 @@ def explored(
 ) -> tuple[list[dict[str, Any]], Session]:
     """All states that are told while ``hands`` drag."""
     monkeypatch.setattr(module, "Worker", Workers)
-    monkeypatch.setattr(worker, "Worker", Workers)
+    monkeypatch.setattr(beside, "Worker", Workers)
     monkeypatch.setattr(module, "REST", rest)
     told = list[dict[str, Any]]()
 
@@ -180,6 +187,32 @@ def test_a_hop_that_fails_its_checks_is_called_so(monkeypatch: pytest.MonkeyPatc
     assert s.state["now"]["sentence"] == "failed checks: replay"
 
 
+def test_a_verification_that_breaks_off_changes_the_word_and_says_why(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(Workers, "broken", True)
+    _, s = explored(monkeypatch, tmp_path, settled)
+    assert s.state["now"]["word"] == "not verified"
+    assert s.state["now"]["sentence"].endswith("no memory is left")
+
+
+def test_a_report_that_was_asked_for_is_made_whatever_is_dragged_next(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    async def hands(s: Session) -> None:
+        s.orders.report()
+        for ratio in range(60, 90):
+            await asyncio.sleep(0.003)
+            s.set({"leg.gear.ratio": float(ratio)})
+        async with asyncio.timeout(20):
+            while "report.html" not in s.said:
+                await asyncio.sleep(0.01)
+
+    _, s = explored(monkeypatch, tmp_path, hands)
+    assert s.designs.tried[0].verified is not None
+    assert s.designs.tried[0].asked.values["leg.gear.ratio"] == 100.0
+
+
 def test_a_part_of_the_catalogue_brings_its_numbers_and_undo_takes_them_back(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -201,7 +234,7 @@ def test_a_part_of_the_catalogue_brings_its_numbers_and_undo_takes_them_back(
 def test_a_map_fills_in_and_goes_when_other_entries_change(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     async def hands(s: Session) -> None:
         s.fill_map(["leg.gear.ratio"])
-        while s.state["map"]["of"] > len(s.state["map"]["cells"]):
+        while s.state["map"]["left"]:
             await asyncio.sleep(0.01)
         (axis,) = s.state["map"]["axes"]
         for cell in s.state["map"]["cells"]:
@@ -216,7 +249,9 @@ def test_a_map_fills_in_and_goes_when_other_entries_change(monkeypatch: pytest.M
 
 def test_what_cannot_be_done_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     async def hands(s: Session) -> None:
-        await s.write()
+        s.orders.write()
+        while not s.said:
+            await asyncio.sleep(0.01)
         refused = [
             lambda: s.set({"leg.gear.rato": 1.0}), lambda: s.set({"leg.gear.ratio": 1e9}), lambda: s.back_to(99),
             lambda: s.choose("leg.motor", "no-such"), lambda: s.choose("leg.body", "x"), lambda: s.fill_map(["leg.gear.ratio"] * 2),

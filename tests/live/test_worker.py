@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from hopopt.live.worker import Worker
+from hopopt.live.processes.worker import Left, Worker
 
 
 class Slow:
@@ -20,6 +20,26 @@ class Slow:
 
 def slow(say: Callable[[str], None]) -> Slow:
     return Slow()
+
+
+def test_a_question_that_is_left_makes_way_for_the_next() -> None:
+    async def main() -> None:
+        worker = Worker(slow)
+        try:
+            assert await worker.ask("after", 0.0, "first") == "first"
+            for _ in range(3):
+                left = asyncio.create_task(worker.ask("after", 60.0, "left"))
+                await asyncio.sleep(0.05)
+                worker.leave("another")
+                worker.leave("after")
+                async with asyncio.timeout(20):
+                    with pytest.raises(Left):
+                        await left
+                    assert await worker.ask("after", 0.0, "next") == "next"
+        finally:
+            worker.stop()
+
+    asyncio.run(main())
 
 
 @pytest.mark.slow

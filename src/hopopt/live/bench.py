@@ -12,7 +12,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.live.picture import picture
 from hopopt.live.sliders import Slider, most_rewarding, named, per_percent
-from hopopt.nlp.deadline import NEVER
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.compiled import compiling
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Transcription
@@ -38,6 +38,8 @@ KEPT = 200  # designs that others are solved from
 HALVINGS = 2  # of the way to a design that the best family does not lead to at once
 TOLD = 3  # entries that are said to hold the hop back
 PRELIMINARY, NO_HOP = "preliminary", "no hop"
+LONGEST = 2.0  # s of one answer: twice what 95 % take at most; whoever waits longer has let go of the slider
+LATE = f"no hop was found within {LONGEST:g} s from the designs that are known; when the hands rest it is searched for from the start"
 ONE_PLACE = "lhs:1"  # a study asks for points; its places are given one by one
 
 
@@ -64,6 +66,14 @@ class Found:
     figures: Mapping[str, float | None] = field(default_factory=dict)
     picture: Mapping[str, Any] | None = None
     carried: Carried | None = None
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What a search taught: whether it found a ``better`` hop there than was known, and how many ``new`` kinds."""
+
+    better: bool = False
+    new: int = 0
 
 
 @dataclass(frozen=True)
@@ -114,30 +124,32 @@ class Bench:
         place = self._place(values)
         self._known = [_Known(place, {f: replace(c, at=place) for f, c in carried.items()}, 1, values)]
         with compiling():  # two seconds, once for a form of leg, that halve the time of all that follow
-            return self.sliders, self.at(values)
+            return self.sliders, self.at(values, NEVER)
 
-    def at(self, values: Mapping[str, float]) -> Found:
-        """The hop with these values of the sliders' entries."""
-        definition = self._definition()
-        point, families = self._solved(definition, values)
+    def at(self, values: Mapping[str, float], until: Deadline | None = None) -> Found:
+        """The hop with these values of the sliders' entries, within LONGEST or by a deadline."""
+        definition, until = self._definition(), until or NEVER.within(LONGEST)
+        point, families = self._solved(definition, values, until, restarts=True)
+        if point.outcome == IMPOSSIBLE:
+            return Found(IMPOSSIBLE, point.sentence)
         if not point.solved:
-            return Found(IMPOSSIBLE if point.outcome == IMPOSSIBLE else NO_HOP, point.sentence)
+            return Found(NO_HOP, LATE if until.passed else point.sentence)
         return self._found(definition, point, families[point.family])
 
     def value_at(self, values: Mapping[str, float]) -> float | None:
-        """The objective with these values alone, for a map; None where there is no hop."""
-        return self._solved(self._definition(), values)[0].objective_value
+        """The objective with these values alone, for a map; None where the hops that are known lead to none."""
+        return self._solved(self._definition(), values, NEVER.within(LONGEST))[0].objective_value
 
-    def learn(self, values: Mapping[str, float], families: Mapping[int, Carried], words: Sequence[str]) -> bool:
-        """Take the kinds of hop that a search found at a design, the best first; whether that is better than what was known
-        there."""
+    def learn(self, values: Mapping[str, float], families: Mapping[int, Carried], words: Sequence[str]) -> Learnt:
+        """Take the kinds of hop that a search found at a design, the best first."""
         place, definition = self._place(values), self._definition()
-        now = self._solved(definition, values)[0].objective_value
+        now = self._solved(definition, values, NEVER.within(LONGEST))[0].objective_value
         here = next((known for known in self._known if np.array_equal(known.place, place)), None)
         first = {0: replace(families[1], at=place)}
-        point, found = solved_with(definition, MapPoint(0, dict(values), NOT_SOLVED), place, first, None)
+        begin = MapPoint(0, dict(values), NOT_SOLVED)
+        point, found = solved_with(definition, begin, place, first, None, restarts=False)
         if point.objective_value is None:
-            return False
+            return Learnt()
         top, size = self._goal.signed_value(point.objective_value), abs(point.objective_value)
         best = -np.inf if now is None else self._goal.signed_value(now)
         seen = [] if here is None or now is None else [best - c.gap * abs(now) for c in here.families.values()]
@@ -152,7 +164,7 @@ class Bench:
         better = bool(top - best > SAME_OPTIMUM * size)
         leads = last + 1 if better else here.best if here else 0
         self._remember(_Known(place, {**(here.families if here else {}), **new}, leads, values))
-        return better
+        return Learnt(better, len(new))
 
     def choose(self, choices: Mapping[str, str]) -> list[Slider]:
         """Take parts of the catalogue, by their places in the problem (none: as the problem has them); the sliders, which
@@ -164,25 +176,31 @@ class Bench:
         last = self._known[-1]
         at = {s.entry: s.value for s in self.sliders}
         place = self._place(at)
-        self._known = [_Known(place, {f: replace(c, at=place) for f, c in last.families.items()}, last.best, at)]
+        kinds = self._families(last.place)  # any of them may be the best with other parts
+        self._known = [_Known(place, {f: replace(c, at=place, gap=0.0) for f, c in kinds.items()}, last.best, at)]
         return self.sliders
 
     def _solved(
-        self, definition: Definition, values: Mapping[str, float], halvings: int = HALVINGS
-    ) -> tuple[MapPoint, Families]:
+        self, definition: Definition, values: Mapping[str, float], until: Deadline, halvings: int = HALVINGS,
+        restarts: bool = False,
+    ) -> tuple[MapPoint, Families]:  # fmt: skip
         """A design from the nearest known; where its best family does not lead there, by way of one in the middle."""
         place, near = self._place(values), self._nearest(values)
         begin = MapPoint(0, dict(values), NOT_SOLVED)
-        point, families = solved_with(definition, begin, place, self._families(place), near.best)
+        point, families = solved_with(definition, begin, place, self._families(place), near.best, until, restarts=False)
         if point.outcome == IMPOSSIBLE:
             return point, families
-        if near.best not in point.seen and halvings and (between := self._between(near, values)):
-            self._solved(definition, between, halvings - 1)
+        if near.best not in point.seen and halvings and not until.passed:
+            self._solved(definition, self._between(near, values), until, halvings - 1)
             nearer = self._nearest(values)
             if nearer is not near:
-                other, more = solved_with(definition, point, place, self._families(place), nearer.best)
+                other, more = solved_with(
+                    definition, point, place, self._families(place), nearer.best, until, restarts=False
+                )
                 if other.solved and (not point.solved or self._better(other, point)):
                     point, families = other, more
+        if restarts and not point.solved and not until.passed:
+            point, families = solved_with(definition, begin, place, self._families(place), near.best, until)
         if point.solved:
             self._remember(_Known(place, families, point.family, values))
         return point, families

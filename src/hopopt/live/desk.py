@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.comparison.paper_control import paper_strategy
+from hopopt.comparison.paper_control import paper_hop
 from hopopt.comparison.robust.robustness import can_be_had
 from hopopt.design import Design
 from hopopt.errors import UsageError
@@ -86,10 +86,11 @@ class Desk:
         found = distinct(search_first_mesh(hop, self._starts, 1, self._say, besides, until).outcomes)
         return families_of(hop, found, np.zeros(0)) if found else ({}, ())
 
-    def pd(self, folder: str) -> float | None:
-        """What the paper's force control clears on a verified design's leg [m]; None where it does not hop."""
-        found = paper_strategy(self._read(folder))
-        return None if found is None else found.clearance_m
+    def pd(self, folder: str) -> dict[str, Any]:
+        """What the paper's force control clears on a verified design's leg [m]; None, and why, where it does not hop."""
+        if (hop := paper_hop(self._read(folder).design)) is None:
+            raise UsageError("the paper's force control is for legs of two joints, and cannot be simulated on this one")
+        return {"clearance": hop.clearance, "why": hop.fault}
 
     def reached(self, folder: str) -> dict[str, float | None]:
         """What a share of drawn legs reach of a verified design, tracking a plan and by PD control [m]."""

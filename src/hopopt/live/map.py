@@ -27,13 +27,28 @@ class LiveMap:
         self.axes = [known[entry].places(CURVE if len(entries) == 1 else MAP) for entry in entries]
         self.values = dict[Cell, float | None]()
         self._cells = list(product(*(range(len(axis)) for axis in self.axes)))
+        self._due = set(self._cells)
+
+    def fill(self, cell: Cell, value: float | None) -> None:
+        """What a cell has [the objective's unit]."""
+        self.values[cell] = value
+        self._due.discard(cell)
+
+    def refresh(self) -> None:
+        """Fill every cell again; until then it shows what it has."""
+        self._due = set(self._cells)
+
+    @property
+    def left(self) -> int:
+        """How many cells are still to be filled."""
+        return len(self._due)
 
     def missing(self, here: Mapping[str, float]) -> Cell | None:
         """The cell to be filled next; ``here``: values of the design that is shown."""
         near = [
             int(np.argmin(np.abs(np.array(axis) - here[e]))) for e, axis in zip(self.entries, self.axes, strict=True)
         ]
-        left = (cell for cell in self._cells if cell not in self.values)
+        left = (cell for cell in self._cells if cell in self._due)
         return min(left, key=lambda cell: sum(abs(a - b) for a, b in zip(cell, near, strict=True)), default=None)
 
     def at(self, cell: Cell) -> dict[str, float]:
@@ -43,4 +58,4 @@ class LiveMap:
     def as_dict(self) -> dict[str, Any]:
         """For the page."""
         cells = [{"at": list(cell), "value": x} for cell, x in self.values.items()]
-        return {"entries": self.entries, "axes": self.axes, "cells": cells, "of": len(self._cells)}
+        return {"entries": self.entries, "axes": self.axes, "cells": cells, "of": len(self._cells), "left": self.left}

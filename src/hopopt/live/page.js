@@ -17,6 +17,13 @@
     return made;
   };
   const shown = (x) => (x === null || x === undefined ? "" : Number(x.toPrecision(4)).toString());
+  const signed = (x) => (x < 0 ? "−" : "+");
+  const height = (x) => (x === null ? "nothing" : `${x.toFixed(3)} m`);
+  const small = (x) => {  // a difference in the objective
+    const size = Math.abs(x);
+    if (state.unit === "m") return `${size < 1e-5 ? "< 0.01" : Number((1000 * size).toPrecision(2))} mm`;
+    return `${size < 1e-6 ? "< 0.000001" : Number(size.toPrecision(2))}${state.unit === "1" ? "" : ` ${state.unit}`}`;
+  };
   let state = null, live = null, asked = {}, t = 0, before = null, drawn = null, waiting = null;
 
   // ---- what is asked ------------------------------------------------------------------------------------------
@@ -38,7 +45,7 @@
 
   // ---- words --------------------------------------------------------------------------------------------------
   const words = () => {
-    const now = state.now, sign = (x) => (x < 0 ? "−" : "+");
+    const now = state.now;
     $("kind").textContent = `Problem ${state.problem}, objective ${state.objective}`;
     $("title").textContent = `${state.title}: drag a number and watch the leg hop`;
     document.title = `${state.title}: hopopt explore`;
@@ -50,16 +57,16 @@
     $("word").textContent = now.word;
     $("word").className = `word ${{ preliminary: "preliminary", verified: "verified" }[now.word] || "bad"}`;
     $("error").textContent = now.word === "preliminary" && now.error !== null
-      ? `first mesh alone, estimated error ${now.error.toFixed(3)} ${state.unit}; it is verified when the hands rest` : "";
+      ? `first mesh alone, estimated error ${small(now.error)}; it is verified when the hands rest` : "";
     $("sentence").textContent = now.sentence || (now.switched ? "Another family of hops is the best here." : "");
     $("family").textContent = now.words ? `The hop: ${now.words}.` : "";
     $("limits").textContent = now.limits.length
-      ? "1 % more of " + now.limits.map((l) => `${l.entry}: ${sign(l.percent)}${Math.abs(l.percent * (state.unit === "m" ? 1000 : 1)).toPrecision(2)} ${state.unit === "m" ? "mm" : state.unit}`).join("; ") : "";
+      ? "1 % more of " + now.limits.map((l) => `${l.entry}: ${signed(l.percent)}${small(l.percent)}`).join("; ") : "";
     const lines = state.lines || {}, told = [];
-    if (lines.pd !== null && lines.pd !== undefined) told.push(`The paper's PD control reaches ${lines.pd.toFixed(3)} m.`);
+    if (lines.pd) told.push(lines.pd.clearance === null ? `The paper's PD control does not hop on this leg: ${lines.pd.why}.` : `The paper's PD control reaches ${height(lines.pd.clearance)}.`);
     if (lines.reached) {
       const part = Math.round(100 * lines.reached.share);
-      told.push(`${part} % of robots reach ${lines.reached.tracked === null ? "nothing" : lines.reached.tracked.toFixed(3) + " m"} tracking a plan and ${lines.reached.pd === null ? "nothing" : lines.reached.pd.toFixed(3) + " m"} by PD control.`);
+      told.push(`${part} % of robots reach ${height(lines.reached.tracked)} tracking a plan and ${height(lines.reached.pd)} by PD control.`);
     }
     $("lines").textContent = told.join(" ");
   };
@@ -80,6 +87,7 @@
         const number = html(row, "input", { type: "number", ariaLabel: `${s.entry} as a number`, min: s.low, max: s.high, step: "any" });
         range.addEventListener("input", () => { number.value = range.value; drag(s.entry, Number(range.value)); });
         number.addEventListener("change", () => {
+          if (number.value.trim() === "" || !Number.isFinite(Number(number.value))) { number.value = range.value; return; }
           const held = Math.min(s.high, Math.max(s.low, Number(number.value))), x = s.step === 1 ? Math.round(held) : held;
           range.value = number.value = x;
           drag(s.entry, x);
@@ -271,7 +279,7 @@
     place.dataset.key = key;
     place.replaceChildren();
     if (!m) return;
-    html(place, "p", { className: "hint" }, `preliminary, of the first mesh alone: ${m.cells.length} of ${m.of}`);
+    html(place, "p", { className: "hint" }, `preliminary, of the first mesh alone: ${m.of - m.left} of ${m.of}`);
     const known = m.cells.filter((c) => c.value !== null), figure = html(place, "figure");
     const values = known.map((c) => c.value);
     const area = svg(figure, "svg", { viewBox: `0 0 ${W} ${H}`, role: "img", "aria-label": `${state.objective} over ${m.entries.join(" and ")}` });
@@ -294,7 +302,7 @@
         svg(cell, "title", {}, `${c.value.toFixed(4)} at ${m.entries[0]} ${shown(x[i])}, ${m.entries[1]} ${shown(y[j])}`);
       }
       svg(area, "circle", { class: "here", r: 8, cx: a.px(state.values[m.entries[0]]), cy: a.py(state.values[m.entries[1]]) });
-      html(place, "p", { className: "hint" }, `from ${low.toFixed(3)} (dark) to ${high.toFixed(3)} (light) ${state.unit}; the ring is the design that is shown`);
+      html(place, "p", { className: "hint" }, `from ${low.toFixed(3)} (dark) to ${high.toFixed(3)} (light)${state.unit === "1" ? "" : ` ${state.unit}`}; the ring is the design that is shown`);
     }
   };
 

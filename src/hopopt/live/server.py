@@ -12,8 +12,9 @@ from importlib.resources import files
 from typing import Any
 
 from hopopt.errors import MissingExtraError, UsageError
+from hopopt.live.processes.worker import Failed
 from hopopt.live.session import Session
-from hopopt.live.worker import Failed
+from hopopt.storage.folder import as_json
 
 HOST = "127.0.0.1"
 LARGEST_MESSAGE = 20_000  # bytes of what a page asks
@@ -75,7 +76,7 @@ class Server:
         return compare_digest(token.encode(), self._token.encode()) and host in names and own
 
     def _tell(self, state: Mapping[str, Any]) -> None:
-        text = json.dumps(state)
+        text = as_json(state)
         for page in list(self._pages):
             with suppress(Exception):  # one that was closed meanwhile
                 page.write_message(text)
@@ -115,7 +116,7 @@ class Server:
 
             def open(self, *given: str, **named: str) -> None:
                 server._pages.add(self)
-                self.write_message(json.dumps(server.session.state))
+                self.write_message(as_json(server.session.state))
 
             def on_close(self) -> None:
                 server._pages.discard(self)
@@ -123,9 +124,10 @@ class Server:
             def on_message(self, message: str | bytes) -> None:
                 try:
                     asked(server.session, json.loads(message))
-                except (UsageError, ValueError, TypeError, LookupError, AttributeError) as error:
-                    words = str(error) if isinstance(error, UsageError) else "this is nothing that can be asked"
-                    self.write_message(json.dumps({"refused": words}))
+                except UsageError as error:
+                    self.write_message(json.dumps({"refused": str(error)}))
+                except (ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError):
+                    self.write_message(json.dumps({"refused": "this is nothing that can be asked"}))
 
         return web.Application(
             [(r"/(?P<token>[\w-]+)/live", Live), (r"/(?P<token>[\w-]+)/(?P<name>[\w.]*)", Page)],
@@ -137,12 +139,14 @@ class Server:
 def asked(session: Session, message: Any) -> None:
     """Do what a page asks: one key that says what, with what it needs; UsageError for what a session refuses."""
     ((what, given),) = message.items()
-    later = {
-        "pd": lambda: session.controllers(False), "reached": lambda: session.controllers(True),
-        "write": session.write, "report": session.report,
-    }  # fmt: skip
-    if what in later:
-        session.later(later[what]())
+    orders = {
+        "pd": session.orders.pd,
+        "reached": session.orders.reached,
+        "write": session.orders.write,
+        "report": session.orders.report,
+    }
+    if what in orders:
+        orders[what]()
     elif what == "set":
         session.set(dict(given))
     elif what == "choose":

@@ -9,22 +9,27 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.live.bench import NO_HOP, PRELIMINARY, Bench, Found
-from hopopt.live.desk import Desk, Verified
+from hopopt.live.bench import NO_HOP, Bench, Found
+from hopopt.live.desk import Desk
 from hopopt.live.map import Cell, LiveMap
+from hopopt.live.orders import Orders
+from hopopt.live.processes.worker import Failed, Left, Stopped, Worker
 from hopopt.live.sliders import Slider, named
-from hopopt.live.tried import MOST_DESIGNS, Asked, Designs, told
-from hopopt.live.worker import Beside, Failed, Stopped, Worker
+from hopopt.live.tried import Asked, Designs, told
 from hopopt.ocp.objectives.registry import find
 from hopopt.problem.catalogue import catalogue, with_part
 from hopopt.problem.catalogue_facts import KINDS
+from hopopt.studies.maps.warm import Carried
 
 REST = 1.0  # s without a change after which a design is verified
+FAIR = 0.3  # s that an answer is given before the next change ends it; or, so that a hand that drags on sees some:
+USUAL = 2.0  # times what the last one took
 TOLD_CELLS = 3  # of a map, after which the page is told
 OWN = ""  # choice of the part that the problem has
 
@@ -47,21 +52,19 @@ class Session:
         self._processes = processes
         named(design, asked)  # before a page is opened
         self._make_bench = partial(Bench, design, objective, tuple(asked))
-        make_desk = partial(Desk, design, objective, folder, starts)
-        self._desk = Beside(make_desk, self._progress, self._at, lambda error: self._say(self._kept(error)))
-        self.later = self._desk.later
+        self.orders = Orders(self, partial(Desk, design, objective, folder, starts))
         self.sliders: list[Slider] = []
         self.asked, self._number, self._solved = Asked({}, {}), 0, -1
         self.found: Found | None = None  # of what was solved last
         self.picture: Mapping[str, Any] | None = None  # of the last hop
         self.designs = Designs()
         self.map: LiveMap | None = None
-        self.busy, self.said, self.fault = "starting", "", ""
+        self.busy, self.said, self.fault, self._lasts = "starting", "", "", False
         self._changed = asyncio.Event()
         self._rest: asyncio.TimerHandle | None = None
+        self._patience: asyncio.TimerHandle | None = None
+        self._began, self._took = nan, 0.0  # s: when the answer that is looked for was asked for; by the last answer
         self._bench: Worker | None = None
-        self._verifying = asyncio.Lock()
-        self._searched = list[Asked]()  # designs that other kinds of hop were looked for at
         self._chosen: Mapping[str, str] = {}  # what the bench has
 
     # ---- what the page asks ---------------------------------------------------------------------------------------
@@ -86,7 +89,7 @@ class Session:
     def undo(self) -> None:
         """Back to the design that rested before."""
         if (before := self.designs.before(self.asked)) is None:
-            self._say("there is nothing to undo")
+            self.say("there is nothing to undo")
         else:
             self._ask(before)
 
@@ -97,76 +100,38 @@ class Session:
     def show_beside(self, id: int | None) -> None:
         """Lay a design of the list over the one that is shown; None: none."""
         self.designs.beside = None if id is None else self.designs.known(id).id
-        self._tell(self.state)
+        self.tell()
 
     def fill_map(self, entries: Sequence[str]) -> None:
         """The objective over one slider's entry or two, filled in while nothing else is asked; none: no map."""
         self.map = LiveMap(self.sliders, entries) if entries else None
         self._changed.set()
-        self._tell(self.state)
+        self.tell()
 
-    async def verify(self) -> None:
-        """Verify the design that is shown; the word changes when that is done or has failed."""
-        async with self._verifying:
-            tried = self.designs[self.designs.shown]
-            if tried is None or tried.verified is not None or tried.found.outcome != PRELIMINARY:
-                return
-            found = await self._desk.ask("verifying", "verify", tried.asked.entries, tried.found)
-            if isinstance(found, Verified):
-                self._note(tried.id, verified=found)
-
-    async def look_closer(self) -> None:
-        """Verify the design that is shown, then search it for other kinds of hop, as a single solve does."""
-        await self.verify()
-        tried = self.designs[self.designs.shown]
-        if tried is None or self._bench is None or tried.asked in self._searched:
+    async def learn(self, asked: Asked, kinds: Mapping[int, Carried], words: Sequence[str]) -> None:
+        """Follow the kinds of hop that a search found of a design from now on; show the best, if it is better than what is."""
+        if self._bench is None:
             return
-        found = await self._desk.ask("looking for other kinds of hop", "search", tried.asked.entries)
-        if found is None:
-            return
-        self._searched = [*self._searched[1 - MOST_DESIGNS :], tried.asked]
-        if found[0] and await self._bench.ask("learn", tried.asked.values, *found) and tried.asked == self.asked:
-            self.designs.drop(tried.id)
+        learnt = await self._bench.ask("learn", asked.values, kinds, words)
+        if learnt.new and self.map is not None:
+            self.map.refresh()
+        if learnt.better and asked == self.asked:
+            if self.designs.shown is not None:
+                self.designs.drop(self.designs.shown)
             self._number += 1
-            self._changed.set()
-            self._say("a better kind of hop was found for these numbers")
-
-    async def controllers(self, share: bool) -> None:
-        """What PD control reaches of the design that is shown; or what 95 % of robots reach, which takes a minute."""
-        await self.verify()
-        tried = self.designs[self.designs.shown]
-        if tried is None or tried.verified is None or not tried.verified.verified:
-            self._say("the design that is shown is not verified, so controllers are not set beside it")
-            return
-        words = "simulating legs that differ from this one" if share else "simulating the paper's force control"
-        found = await self._desk.ask(words, "reached" if share else "pd", tried.verified.folder)
-        if found is not None:
-            self._note(tried.id, **({"reached": found} if share else {"pd": found}))
-
-    async def write(self) -> None:
-        """Write the design that is shown as a problem file."""
-        if (file := await self._desk.ask("writing", "write", self.asked.entries)) is not None:
-            self._say(f"{file} written: hopopt solve {file}")
-
-    async def report(self) -> None:
-        """Write the page of the design that is shown, once it is verified."""
-        await self.verify()
-        tried = self.designs[self.designs.shown]
-        if tried is None or tried.verified is None:
-            self._say("there is no verified design to report")
-        elif (file := await self._desk.ask("writing the report", "report", tried.verified.folder)) is not None:
-            self._say(f"{file} written: open it in a browser")
+            self.say("a better kind of hop was found for these numbers")
+        self._changed.set()
 
     # ---- what is done ---------------------------------------------------------------------------------------------
 
     async def run(self) -> None:
         """Answer what is asked until cancelled; Failed if the problem has no hop to begin with."""
-        self._bench = bench = Worker(self._make_bench, self._progress)
+        self._bench = bench = Worker(self._make_bench, self.progress)
         try:
             try:
                 self.sliders, found = await bench.ask("begin", self._processes)
             except Failed as error:
-                raise Failed(self._kept(error)) from None
+                raise Failed(self.kept(error)) from None
             self.asked = Asked({s.entry: s.value for s in self.sliders}, {})
             self._take(found)
             while True:
@@ -186,13 +151,19 @@ class Session:
             self.close()
 
     def close(self) -> None:
-        """Stop what is being looked at."""
-        if self._rest is not None:
-            self._rest.cancel()
-        self._desk.stop()
+        """Stop all that is done beside."""
+        self._leave_desk()
+        self.orders.stop()
+
+    def _leave_desk(self) -> None:
+        """Stop looking at the design that was shown."""
+        for timer in filter(None, (self._rest, self._patience)):
+            timer.cancel()
+        self.orders.desk.stop()
 
     async def _solve(self, bench: Worker) -> None:
-        number, asked = self._number, self.asked
+        number, asked, clock = self._number, self.asked, asyncio.get_running_loop().time
+        self._began = clock()
         try:
             if asked.choices != self._chosen:
                 self.sliders = await bench.ask("choose", asked.choices)
@@ -203,18 +174,29 @@ class Session:
             if number == self._number:
                 self.asked = asked
             found = await bench.ask("at", asked.values)
+            self._took = clock() - self._began
+        except Left:
+            return
         except Failed as error:
-            found = Found(NO_HOP, self._kept(error))
+            found = Found(NO_HOP, self.kept(error))
+        finally:
+            self._began = nan
+            if self._patience is not None:
+                self._patience.cancel()
         if number == self._number:
             self._take(found)
 
     async def _fill(self, bench: Worker, filling: LiveMap, cell: Cell) -> None:
         value = None
-        with suppress(Failed):
+        try:
             value = await bench.ask("value_at", {**self.asked.values, **filling.at(cell)})
-        filling.values[cell] = value
-        if self.map is filling and (len(filling.values) % TOLD_CELLS == 0 or self._missing is None):
-            self._tell(self.state)
+        except Left:
+            return
+        except Failed as error:
+            self.kept(error)
+        filling.fill(cell, value)
+        if self.map is filling and (filling.left % TOLD_CELLS == 0 or self._missing is None):
+            self.tell()
 
     @property
     def _missing(self) -> Cell | None:
@@ -223,16 +205,22 @@ class Session:
 
     def _ask(self, asked: Asked) -> None:
         if asked == self.asked:
-            self._tell(self.state)  # a page that asked waits for it
+            self.tell()  # a page that asked waits for it
             return
         moved = {e for e in self.asked.values if asked.values.get(e) != self.asked.values[e]}
         if self.map is not None and (asked.choices != self.asked.choices or not moved <= set(self.map.entries)):
             self.map = None  # it was of other values
-        self.asked, self._number, self.said = asked, self._number + 1, ""
+        self.asked, self._number = asked, self._number + 1
+        self.said = self.said if self._lasts else ""
         self.designs.shown, self.busy = None, "solving"
-        self.close()
+        self._leave_desk()
+        if self._bench is not None:
+            self._bench.leave("value_at")
+            if not isnan(self._began):
+                until = self._began + max(FAIR, USUAL * self._took)
+                self._patience = asyncio.get_running_loop().call_at(until, self._bench.leave, "at")
         self._changed.set()
-        self._tell(self.state)
+        self.tell()
 
     def _take(self, found: Found) -> None:
         """What was asked last is solved."""
@@ -240,41 +228,53 @@ class Session:
         self.picture = found.picture or self.picture
         self._rest = asyncio.get_running_loop().call_later(REST, self._rested)
         self._changed.set()
-        self._tell(self.state)
+        self.tell()
 
     def _rested(self) -> None:
         """The hands rest: the design enters the list, and is verified."""
         assert self.found is not None
         self.designs.rested(self.asked, self.found)
-        self._tell(self.state)
-        self.later(self.look_closer())
+        self.tell()
+        self.orders.desk.later(self.orders.look_closer)
 
-    def _at(self, words: str, begins: bool) -> None:
-        """What is done beside begins or ends."""
-        self.busy = words if begins else "" if self.busy == words else self.busy
-        self._tell(self.state)
-
-    def _kept(self, error: Failed) -> str:
+    def kept(self, error: Failed) -> str:
         """The sentence of an error; of a fault of hopopt the traceback is kept in the folder."""
         if error.fault is not None:
             with suppress(OSError):  # of a disk that is full
                 error.fault.keep(self._folder, f"explore-{secrets.token_hex(4)}")
         return str(error)
 
-    def _progress(self, text: str) -> None:
+    def progress(self, text: str) -> None:
+        """A line of progress."""
         self._tell({"busy": text})
 
-    def _say(self, words: str) -> None:
-        self.said = words
-        self._tell(self.state)
+    def say(self, words: str, lasts: bool = False) -> None:
+        """A sentence for the page, that lasts until another is said, or is of the numbers that stand there now."""
+        self.said, self._lasts = words, lasts
+        self.tell()
 
-    def _note(self, id: int, **known: Any) -> None:
+    def note(self, id: int, **known: Any) -> None:
+        """What became known of a design of the list."""
         self.designs.note(id, **known)
         if (verified := known.get("verified")) is not None and id == self.designs.shown:
             self.picture = verified.picture
+        self.tell()
+
+    def tell(self) -> None:
+        """Tell the page all that it shows."""
         self._tell(self.state)
 
     # ---- what is known --------------------------------------------------------------------------------------------
+
+    @property
+    def objective(self) -> str:
+        """Its name."""
+        return self._goal.name
+
+    @property
+    def stale(self) -> bool:
+        """Whether what was asked last is still being solved."""
+        return self._solved != self._number
 
     @property
     def parts(self) -> dict[str, list[str]]:
@@ -289,7 +289,7 @@ class Session:
         return {
             "problem": self._design.name, "title": self._design.title or self._design.name,
             "objective": self._goal.name, "unit": self._goal.unit,
-            "stale": self._solved != self._number, "busy": self.busy, "said": self.said, "fault": self.fault,
+            "stale": self.stale, "busy": self.busy or self.orders.doing, "said": self.said, "fault": self.fault,
             "sliders": [s.as_dict() for s in self.sliders], "values": dict(self.asked.values),
             "parts": self.parts, "chosen": {path: self.asked.choices.get(path, OWN) for path in self.parts},
             "now": None if found is None else tried.told if tried else told(found),

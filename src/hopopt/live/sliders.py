@@ -60,10 +60,10 @@ class Slider:
 
     def checked(self, value: Any) -> float:
         """A value that it may have; UsageError for one that it may not."""
-        number = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else math.nan
-        if not self.low <= number <= self.high:
+        a_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not (a_number and self.low <= value <= self.high):  # also of integers that no float can hold
             raise UsageError(f"{self.entry}: {value!r:.40} is not a number from {self.low:g} to {self.high:g}")
-        return float(round(number)) if self.whole else number
+        return float(round(value)) if self.whole else float(value)
 
 
 def named(design: Design, asked: Sequence[str]) -> list[Slider]:

@@ -30,14 +30,16 @@ class Tried:
     """A design that rested.
 
     id: its number in the list; asked: what it was; found: its hop on the first mesh
-    verified: what verification said; pd: what PD control clears [m]; reached: what a share of drawn legs reach [m]
+    verified: what verification said; failure: why it could not say anything
+    pd: what PD control clears [m], null with why where it does not hop; reached: what a share of drawn legs reach [m]
     """
 
     id: int
     asked: Asked
     found: Found
     verified: Verified | None = None
-    pd: float | None = None
+    failure: str = ""
+    pd: Mapping[str, Any] | None = None
     reached: Mapping[str, float | None] | None = None
 
     @property
@@ -45,7 +47,7 @@ class Tried:
         """What is known of its hop, with the word that stands behind the figure."""
         known, verified = told(self.found), self.verified
         if verified is None:
-            return known
+            return {**known, "word": "not verified", "sentence": self.failure} if self.failure else known
         if verified.verified:
             return {**known, "word": "verified", "value": verified.value, "folder": verified.folder}
         return {**known, "word": "not verified", "sentence": f"failed checks: {', '.join(verified.failed)}"}

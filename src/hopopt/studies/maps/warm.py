@@ -91,12 +91,14 @@ def solved_at(definition: Definition, k: int, families: Families, before: int | 
 
 
 def solved_with(
-    definition: Definition, point: MapPoint, place: np.ndarray, families: Families, before: int | None
-) -> tuple[MapPoint, Families]:
-    """A point at any place of the study, not only those of its list: as ``solved_at``."""
+    definition: Definition, point: MapPoint, place: np.ndarray, families: Families, before: int | None,
+    until: Deadline = NEVER, restarts: bool = True,
+) -> tuple[MapPoint, Families]:  # fmt: skip
+    """A point at any place of the study, not only those of its list: as ``solved_at``, by a deadline; from the problem's own
+    starts only with ``restarts`` or where there are no families."""
     try:
         hop = Hop(definition.design_with(point.values), definition.objective)
-        found, t = _found(definition, hop, point, place, families)
+        found, t = _found(definition, hop, point, place, families, until.within(LONGEST), restarts)
     except ProblemFileError as error:
         words = error.problems[0].removeprefix("override ")
         return replace(point, outcome=IMPOSSIBLE, sentence=words), families
@@ -125,20 +127,20 @@ def _stated(hop: Hop, point: MapPoint, value: float, family: int, before: int | 
 
 
 def _found(
-    definition: Definition, hop: Hop, point: MapPoint, place: np.ndarray, families: Families
-) -> tuple[dict[int, NlpSolution], Transcription]:
+    definition: Definition, hop: Hop, point: MapPoint, place: np.ndarray, families: Families, until: Deadline,
+    restarts: bool,
+) -> tuple[dict[int, NlpSolution], Transcription]:  # fmt: skip
     """What the families lead to that may be best here, else all of them, else the problem's starts; failures left out."""
-    until = NEVER.within(LONGEST)
     if not families:
         return _from_starts(definition, hop, point, until)
     t, solver = first_program(definition, hop, point.values, until, WARM)
     fitting = {f: c for f, c in families.items() if (len(c.x), len(c.lam_g)) == (len(t.scale), len(t.lbg))}
     likely = [f for f, c in fitting.items() if c.may_be_best(place)]
     for chosen in (likely, [f for f in fitting if f not in likely]):
-        found = {f: s for f in chosen if (s := _warm(t, solver, fitting[f])).success}
+        found = {f: s for f in chosen if not until.passed and (s := _warm(t, solver, fitting[f])).success}
         if found:
             return found, t
-    return _from_starts(definition, hop, point, until)
+    return _from_starts(definition, hop, point, until) if restarts and not until.passed else ({}, t)
 
 
 def _warm(t: Transcription, solver: NlpSolver, carried: Carried) -> NlpSolution:

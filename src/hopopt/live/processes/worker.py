@@ -2,8 +2,10 @@
 
 import asyncio
 import atexit
+import os
 import signal
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from threading import Lock, Thread
@@ -13,11 +15,20 @@ from hopopt.errors import HopoptError, one_line
 from hopopt.extensions import carried
 from hopopt.studies.faults import Fault, guarded
 
-SAID, DONE, FAILED = "said", "done", "failed"
+SAID, DONE, FAILED, LEFT = "said", "done", "failed", "left"
+LEAVE = getattr(signal, "SIGUSR1", None)  # tells the process to leave a question; a system without it waits for answers
 
 
 class Stopped(Exception):
     """The process was stopped before it had answered."""
+
+
+class Left(Exception):
+    """The question was left before it was answered, as it was asked to be."""
+
+
+class _Leave(BaseException):
+    """In the other process: the answer is no longer wanted."""
 
 
 class Failed(HopoptError):
@@ -35,16 +46,20 @@ class Worker:
     """
 
     def __init__(self, make: Callable[[Callable[[str], None]], Any], say: Callable[[str], None] = lambda text: None):
-        here, there = get_context("spawn").Pipe()
+        spawn = get_context("spawn")
+        here, there = spawn.Pipe()
         self._pipe, self._say = here, say
         self._pipe_free = Lock()  # of threads: one that was cancelled still waits for its answer
-        self._process = get_context("spawn").Process(target=carried(_serve), args=(make, there))
+        self._count, self._method = 0, ""  # of questions; of the one that is being answered
+        self._unwanted = spawn.RawValue("q", 0)  # number of the question that is to be left
+        self._process = spawn.Process(target=carried(_serve), args=(make, there, self._unwanted))
         self._process.start()
         atexit.register(self._process.kill)  # it waits for questions, and would be waited for
         there.close()
 
     async def ask(self, method: str, *given: Any) -> Any:
-        """What a method of the object returns; Failed with its sentence if it raises, Stopped if the process ends."""
+        """What a method of the object returns; Failed with its sentence if it raises, Stopped if the process ends, Left if
+        ``leave`` was called meanwhile."""
         loop = asyncio.get_running_loop()
         answer = loop.create_future()
         Thread(target=self._answer, args=(method, given, loop, answer), daemon=True).start()
@@ -53,6 +68,8 @@ class Worker:
             return value
         if kind is None:
             raise Stopped
+        if kind == LEFT:
+            raise Left
         raise Failed(value.sentence, value) if isinstance(value, Fault) else Failed(value)
 
     def _answer(
@@ -62,13 +79,26 @@ class Worker:
         found: tuple[str | None, Any] = None, None
         try:
             with self._pipe_free:
+                self._count, self._method = self._count + 1, method
                 self._pipe.send((method, given))
                 while (found := self._pipe.recv())[0] == SAID:
                     loop.call_soon_threadsafe(self._say, found[1])
+                self._method = ""
         except Exception:  # the process, or the loop that asked, is no more
             found = None, None
         if not loop.is_closed():
             loop.call_soon_threadsafe(lambda: answer.done() or answer.set_result(found))
+
+    def leave(self, *methods: str) -> None:
+        """Leave the question that is being answered, if it is to one of these methods; not the first, which may find the
+        process not ready."""
+        number = self._count
+        if LEAVE is None or self._process.pid is None or self._unwanted.value == number:
+            return
+        if number > 1 and self._method in methods:
+            self._unwanted.value = number
+            with suppress(ProcessLookupError):
+                os.kill(self._process.pid, LEAVE)
 
     def stop(self) -> None:
         """End the process, whatever it is at."""
@@ -78,56 +108,17 @@ class Worker:
         self._pipe.close()
 
 
-class Beside:
-    """Work in another process beside what is dragged: the process begins when it is asked for, and ends with ``stop``.
-
-    make: as of ``Worker``; say: is called with each line of progress
-    at: is called with words for what is done and True when it begins, False when it ends
-    failed: is called with why it could not be done
-    """
-
-    def __init__(
-        self, make: Callable[[Callable[[str], None]], Any], say: Callable[[str], None], at: Callable[[str, bool], None],
-        failed: Callable[[Failed], None],
-    ):  # fmt: skip
-        self._make, self._say, self._at, self._failed = make, say, at, failed
-        self._worker: Worker | None = None
-        self._tasks = set[asyncio.Task[Any]]()
-
-    def later(self, work: Coroutine[Any, Any, Any]) -> None:
-        """Do this beside what is dragged; stopped by the next change."""
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-
-    async def ask(self, words: str, method: str, *given: Any) -> Any:
-        """What the other process says, None if it was stopped or failed, which is told."""
-        self._worker = self._worker or Worker(self._make, self._say)
-        self._at(words, True)
-        try:
-            return await self._worker.ask(method, *given)
-        except Stopped:
-            if self._worker is not None:  # nobody stopped it
-                self._worker = None
-                self._failed(Failed("the process that verifies has ended by itself; the next design begins it anew"))
-        except Failed as error:
-            self._failed(error)
-        finally:
-            self._at(words, False)
-        return None
-
-    def stop(self) -> None:
-        """End what it is at."""
-        for task in self._tasks:
-            task.cancel()
-        if self._worker is not None:
-            self._worker.stop()
-            self._worker = None
-
-
-def _serve(make: Callable[[Callable[[str], None]], Any], pipe: Connection) -> None:
-    """Answer until the other end is closed."""
+def _serve(make: Callable[[Callable[[str], None]], Any], pipe: Connection, unwanted: Any) -> None:
+    """Answer until the other end is closed; leave the question whose number is ``unwanted``."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
+    answered = number = 0
+
+    def leave(*_: Any) -> None:
+        if answered < number == unwanted.value:
+            raise _Leave
+
+    if LEAVE is not None:
+        signal.signal(LEAVE, leave)
     asked = make(lambda text: pipe.send((SAID, text)))
     while True:
         try:
@@ -135,7 +126,17 @@ def _serve(make: Callable[[Callable[[str], None]], Any], pipe: Connection) -> No
         except (EOFError, OSError):
             return
         try:
-            found = guarded(getattr(asked, method), *given)
-            pipe.send((FAILED if isinstance(found, Fault) else DONE, found))
-        except HopoptError as error:
-            pipe.send((FAILED, one_line(error)))
+            number += 1
+            reply = _reply(asked, method, given)
+            answered = number
+        except _Leave:
+            answered, reply = number, (LEFT, None)
+        pipe.send(reply)
+
+
+def _reply(asked: Any, method: str, given: tuple[Any, ...]) -> tuple[str, Any]:
+    try:
+        found = guarded(getattr(asked, method), *given)
+    except HopoptError as error:
+        return FAILED, one_line(error)
+    return (FAILED if isinstance(found, Fault) else DONE), found
