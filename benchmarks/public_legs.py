@@ -3,9 +3,10 @@
     python benchmarks/public_legs.py [FOLDER] [SECONDS] [ROBOTS]
 
 Reads each leg as its file has it, says what that lacks, adds the numbers below, and solves it: one start, friction 0.7, the
-body shared by all legs, the solids that its file states for collisions, at most SECONDS of wall time (60). Robots are solved one after the other, each in a process of its
-own, or only those named (separated by commas). What FOLDER (public_legs) has already is not solved again. Prints a table
-with the processor time of each, and beneath it what the files lack. The exit status is 1 if a solved hop was not verified.
+body shared by all legs, the solids that its file states for collisions, at most SECONDS of wall time (60). Legs of humanoids
+are hip and knee, the ankle held. Robots are solved one after the other, each in a process of its own, or only those named
+(separated by commas). What FOLDER (public_legs) has already is not solved again. Prints a table with the processor time of
+each, its median, and beneath it what the files lack. The exit status is 1 if a solved hop was not verified.
 """
 
 import json
@@ -15,6 +16,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import hopopt as ho
@@ -63,33 +65,38 @@ def ranges(joints: Sequence[str], *limits: tuple[float, float]) -> str:
 
 
 FRONT, THIGH = ("FL_HFE", "FL_KFE"), ("FL_thigh_joint", "FL_calf_joint")
-ANY, TALOS = ("LF_HFE", "LF_KFE"), ("leg_left_3_joint", "leg_left_4_joint", "leg_left_5_joint")
-G1 = ("left_hip_pitch_joint", "left_knee_joint", "left_ankle_pitch_joint")
+ANY, TALOS = ("LF_HFE", "LF_KFE"), ("leg_left_3_joint", "leg_left_4_joint")
+G1 = ("left_hip_pitch_joint", "left_knee_joint")
 FOLDS = (-1.4, 1.4), (-2.6, -0.2)
 SPRAWL = (0.8, -1.6)
 LEGS = {
     "a1": Leg("a1_description/urdf/a1.urdf", THIGH, "FL_foot", 4, SPRAWL),
-    "alexander": Leg("alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf", ("LEFT_HIP_Y", "LEFT_KNEE_Y", "LEFT_ANKLE_Y"),
-                     "LEFT_FOOT", 2, (-0.553, 1.2, -0.4), (0.1, 0.0, -0.06)),
+    "alexander": Leg("alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf", ("LEFT_HIP_Y", "LEFT_KNEE_Y"),
+                     "LEFT_FOOT", 2, (-0.553, 1.2), (0.1, 0.0, -0.06), locked="LEFT_ANKLE_Y = -0.4"),
     "anymal_b": Leg("anymal_b_simple_description/robots/anymal.urdf", ANY, "LF_FOOT", 4, (1.085, -1.5), lacks=ranges(ANY, (-0.6, 1.6), (-2.6, -0.2))),
     "anymal_c": Leg("anymal_c_simple_description/urdf/anymal.urdf", ANY, "LF_FOOT", 4, (0.999, -1.5), lacks=ranges(ANY, (-0.6, 1.6), (-2.6, -0.2))),
     "b1": Leg("b1_description/urdf/b1.urdf", THIGH, "FL_foot", 4, SPRAWL),
     "bolt": Leg("bolt_description/robots/bolt.urdf", FRONT, "FL_FOOT", 2, SPRAWL, lacks=f"{ODRI}\n{ranges(FRONT, *FOLDS)}"),
     "cassie": Leg("cassie_description/robots/cassie_v2.sdf", ("hip", "knee"), "foot", 2, SPRAWL),
-    "centauro": Leg("centauro_description/urdf/centauro.urdf", ("hip_pitch_1", "knee_pitch_1", "ankle_pitch_1"), "wheel_1", 4, (-0.519, -1.2, -0.6)),
-    "g1": Leg("g1_description/urdf/g1_29dof_rev_1_0.urdf", G1, "left_ankle_roll_link", 2, (-0.387, 1.2, -0.4), (0.12, 0.0, -0.03)),
+    "centauro": Leg("centauro_description/urdf/centauro.urdf", ("hip_pitch_1", "knee_pitch_1"), "wheel_1", 4, (-0.519, -1.2),
+                    locked="ankle_pitch_1 = -0.6"),
+    "g1": Leg("g1_description/urdf/g1_29dof_rev_1_0.urdf", G1, "left_ankle_roll_link", 2, (-0.387, 1.2), (0.12, 0.0, -0.03),
+              locked="left_ankle_pitch_joint = -0.4"),
     "go1": Leg("go1_description/urdf/go1.urdf", THIGH, "FL_foot", 4, SPRAWL),
     "go2": Leg("go2_description/urdf/go2.urdf", THIGH, "FL_foot", 4, SPRAWL),
     "human": Leg("human_description/robots/human.urdf", ("left_hip_Z", "left_knee_Z"), "left_foot", 2, (0.6, 1.2)),
     "hyq": Leg("hyq_description/robots/hyq_no_sensors.urdf", ("lf_hfe_joint", "lf_kfe_joint"), "lf_foot", 4, SPRAWL),
-    "icub": Leg("icub_description/robots/icub_reduced.urdf", ("l_hip_pitch", "l_knee", "l_ankle_pitch"), "l_sole", 2, (0.415, -1.2, -0.4), (0.1, 0.0, 0.0)),
+    "icub": Leg("icub_description/robots/icub_reduced.urdf", ("l_hip_pitch", "l_knee"), "l_sole", 2, (0.415, -1.2), (0.1, 0.0, 0.0),
+                locked="l_ankle_pitch = -0.4"),
     "laikago": Leg("laikago_description/urdf/laikago.urdf", THIGH, "FL_foot", 4, SPRAWL),
-    "quadruped": Leg("quadruped_description/urdf/quadruped.urdf", FRONT, "FL_contact", 4, SPRAWL),
-    "romeo": Leg("romeo_description/urdf/romeo.urdf", ("LHipPitch", "LKneePitch", "LAnklePitch"), "l_sole", 2, (-0.43, 1.2, -0.4), (0.1, 0.0, 0.0)),
+    "quadruped": Leg("quadruped_description/urdf/quadruped.urdf", FRONT, "FL_contact", 4, SPRAWL, lacks=f"{ODRI}\n{ranges(FRONT, *FOLDS)}"),
+    "romeo": Leg("romeo_description/urdf/romeo.urdf", ("LHipPitch", "LKneePitch"), "l_sole", 2, (-0.43, 1.2), (0.1, 0.0, 0.0),
+                 locked="LAnklePitch = -0.4"),
     "simple_humanoid": Leg("simple_humanoid_description/urdf/simple_humanoid_classical.urdf", ("RLEG_HIP_P", "RLEG_KNEE"), "r_ankle", 2, (-0.544, 1.2)),
     "solo8": Leg("solo_description/robots/solo.urdf", FRONT, "FL_FOOT", 4, SPRAWL, lacks=f"{ODRI}\n{ranges(FRONT, *FOLDS)}"),
     "solo12": Leg("solo_description/robots/solo12.urdf", FRONT, "FL_FOOT", 4, SPRAWL, lacks=f"{ODRI}\n{ranges(FRONT, *FOLDS)}"),
-    "talos": Leg("talos_data/robots/talos_reduced.urdf", TALOS, "left_sole_link", 2, (-0.449, 1.2, -0.4), (0.1, 0.0, 0.0)),
+    "talos": Leg("talos_data/robots/talos_reduced.urdf", TALOS, "left_sole_link", 2, (-0.449, 1.2), (0.1, 0.0, 0.0),
+                 locked="leg_left_5_joint = -0.4"),
 }  # fmt: skip
 
 
@@ -168,6 +175,8 @@ def main() -> int:
         except HopoptError as error:
             found[name] = {"lacks": [one_line(error)]}
         print(row(name, found[name]), flush=True)
+    spent = [one["processor_s"] for one in found.values() if one.get("verified")]
+    print(f"\n{len(spent)} verified" + (f", median of the processor times {median(spent):.0f} s" if spent else ""))
     print("", *words(found), sep="\n")
     return int(any(one.get("verified") is False for one in found.values()))
 

@@ -26,6 +26,7 @@ from hopopt.ocp.hops.collision import slack_of
 from hopopt.planner.solve import solve
 from hopopt.problem.load import changed
 from hopopt.problem.render import resolved_toml
+from hopopt.report.motion import planned
 from hopopt.sim.controller import Measurement
 from hopopt.sim.machine import Machine
 from hopopt.sim.plant import Plant
@@ -390,6 +391,8 @@ def test_a_trunk_that_hangs_low_is_what_clears(tmp_path: Path) -> None:
     assert found.summary.verified
     assert found.summary.lowest_point in ("trunk", "foot")
     assert found.summary.clearance_m == pytest.approx(float(found.apex.q[0, 1]) - 0.33, abs=1e-9)
+    shown = planned(found, "the optimum")
+    assert np.interp(found.duration, shown.t, shown.lowest) == pytest.approx(found.summary.clearance_m, abs=1e-9)
 
 
 def test_the_poses_that_starts_aim_at_are_clear(tmp_path: Path) -> None:

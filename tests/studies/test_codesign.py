@@ -488,6 +488,12 @@ def test_a_link_cannot_get_shorter_than_its_centre_of_mass_is_far(free: dict[str
         ho.solve(design, free={"leg.shank.length": (0.35, 0.38)}, couple=["leg.shank.length <= 0.34"])
 
 
+def test_lengths_of_a_leg_with_shapes_are_not_free() -> None:
+    shaped = ho.load("paper", ["leg.thigh.radius=0.03"])
+    with pytest.raises(UsageError, match=r"--free leg\.thigh\.length: shapes do not follow a free length: sweep it"):
+        ho.codesign(shaped, {"leg.thigh.length": (0.3, 0.4)})
+
+
 def test_couplings_need_freedom(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["solve", "--couple", "leg.thigh.length = 0.4"]) == 2
     assert "--free leg.thigh.length" in capfd.readouterr().err

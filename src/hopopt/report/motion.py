@@ -21,6 +21,7 @@ class ShownHop:
     t: since the hop began [s], (k,)
     chain: x, z of every joint and the foot, (k, n + 1, 2) [m]
     com: x, z of the centre of mass, (k, 2) [m]
+    lowest: height of the lowest point, trunk and links with shapes too, (k,) [m]
     v, tau: speeds [rad/s] and torques [N m] of the drives behind their gears, (k, n)
     force: on the foot, along x and up, (k, 2) [N]
     lift_off: when the foot leaves [s]
@@ -32,17 +33,13 @@ class ShownHop:
     t: np.ndarray
     chain: np.ndarray
     com: np.ndarray
+    lowest: np.ndarray
     v: np.ndarray
     tau: np.ndarray
     force: np.ndarray
     lift_off: float
     clearance: float | None
     ends: str = ""
-
-    @property
-    def lowest(self) -> np.ndarray:
-        """Height of the lowest point, (k,) [m]."""
-        return self.chain[..., 1].min(axis=1)
 
 
 PLAN_ENDS = "the plan ends"  # what is shown of a plan whose foot does not come down again
@@ -66,6 +63,7 @@ def planned(solution: Solution, name: str) -> ShownHop:
         s.t,
         chain(s.points, solution.robot),
         s.points["com"],
+        s.lowest,
         s.w,
         s.command,
         force,
@@ -87,6 +85,7 @@ def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:
         few.t,
         chain(few.points, trace.robot),
         few.points["com"],
+        few.lowest,
         few.w,
         few.motor,
         few.f,

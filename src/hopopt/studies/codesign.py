@@ -17,6 +17,7 @@ from hopopt.amounts import check
 from hopopt.design import Design, Leg
 from hopopt.design.parameters import variable_numbers
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
+from hopopt.leg.geometry.solids import has_shape
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.custom import custom
@@ -51,7 +52,7 @@ from hopopt.problem.render import rows
 from hopopt.record import computed
 from hopopt.storage.seal.recheck import CONFIRMED, co_design_checks
 from hopopt.studies.codesign_kinks import between
-from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, laws
+from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, laws, meets
 
 AT_BOUND = 1e-6  # share of its range within which a parameter sits on a bound
 
@@ -248,6 +249,8 @@ def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Seq
             raise UsageError(f"--free {entry}: {_unknown(design.leg, entry, known)}")
         if not low < high:
             raise UsageError(f"--free {entry}: its bounds {low:g} and {high:g} leave it no room")
+        if entry.endswith(".length") and has_shape(design.leg):
+            raise UsageError(f"--free {entry}: shapes do not follow a free length: sweep it, or leave the shapes out")
         for value in (low, high):
             _possible(design, entry, value)
         _holds_com(entry, low, bounds, known)
@@ -258,26 +261,8 @@ def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Seq
     if repeated := next((mass for k, mass in enumerate(own_mass) if mass in own_mass[:k]), None):
         raise UsageError(f'--couple: two laws of the catalogue say {repeated}: name their torques in one, with "and"')
     for c in couplings:
-        _meets(c, free, known)
+        meets(c, free, known)
     return FreeParameters(dict(free), couplings)
-
-
-def _meets(c: Coupling, free: Mapping[str, tuple[float, float]], known: Mapping[str, float]) -> None:
-    """That a coupling is one of entries that are set, at least one of them free, and can be met within the bounds."""
-    for entry in c.entries:
-        if entry not in known:
-            raise UsageError(f"--couple {c.text}: there is no entry {entry}{did_you_mean(entry, known)}")
-    if not free.keys() & set(c.entries):
-        raise UsageError(f"--couple {c.text}: none of its entries is free")
-    ends = np.zeros(2)
-    for factor, entry, exponent in c.terms:
-        low, high = free.get(entry, (known[entry], known[entry]))
-        if exponent != 1 and low <= 0:
-            raise UsageError(f"--couple {c.text}: {entry} can be {low:g}, and a power of it needs it above 0")
-        ends += sorted(factor * x**exponent for x in (low, high))
-    slack = 1e-9 * max(1.0, float(np.abs(ends).max()))
-    if ends[1] < c.lower - slack or ends[0] > c.upper + slack:
-        raise UsageError(f"--couple {c.text}: no values within the bounds of --free meet it")
 
 
 def _possible(design: Design, entry: str, value: float) -> None:

@@ -1,4 +1,4 @@
-"""Couplings that the catalogue's laws of mass make: a torque that is free costs kilograms.
+"""Couplings: whether one can be met, and those that the catalogue's laws of mass make: a torque that is free costs kilograms.
 
 The coupled mass changes by what the fitted motors or gears differ, so that at the problem's own torque nothing changes:
 its masses count its own motors already.
@@ -129,3 +129,22 @@ def _driven(text: str, entry: str, leg: Leg) -> list[str]:
                     f"--couple {text}: {path} = {value:g} N m is less and what the {joint}'s {part} gives: name that"
                 )
     return joints
+
+
+def meets(c: Coupling, free: Mapping[str, tuple[float, float]], known: Mapping[str, float]) -> None:
+    """That a coupling is one of entries that are set, at least one of them free, and can be met within the bounds; UsageError if
+    not."""
+    for entry in c.entries:
+        if entry not in known:
+            raise UsageError(f"--couple {c.text}: there is no entry {entry}{did_you_mean(entry, known)}")
+    if not free.keys() & set(c.entries):
+        raise UsageError(f"--couple {c.text}: none of its entries is free")
+    ends = np.zeros(2)
+    for factor, entry, exponent in c.terms:
+        low, high = free.get(entry, (known[entry], known[entry]))
+        if exponent != 1 and low <= 0:
+            raise UsageError(f"--couple {c.text}: {entry} can be {low:g}, and a power of it needs it above 0")
+        ends += sorted(factor * x**exponent for x in (low, high))
+    slack = 1e-9 * max(1.0, float(np.abs(ends).max()))
+    if ends[1] < c.lower - slack or ends[0] > c.upper + slack:
+        raise UsageError(f"--couple {c.text}: no values within the bounds of --free meet it")

@@ -21,7 +21,7 @@ from hopopt.leg.geometry.hulls import coal, distances
 LARGEST_MESH = 100_000_000  # bytes
 MOST_POINTS = 120  # of a mesh's hull that are kept
 CLOSE = 1e-3  # of the leg's reach: a hull from which no point of the mesh lies farther is as good as the whole
-SIDES = 16  # of the prism about a cylinder, at most 2 % of its radius wider
+SIDES = 32  # of the prism about a cylinder, at most 0.5 % of its radius wider
 FINE = 3e-5  # of the leg's reach: to which places are rounded, to a decimal digit
 AWAY = 1.5  # times the leg's reach from its first joint, beyond which none of its links comes
 

@@ -111,10 +111,17 @@ def margin_of(design: Design) -> float:
 
 
 def least(design: Design, found: Clearances) -> list[float]:
-    """What a planner keeps each link's smooth distance above [m]: the margin, and as much as it may err; where the hop starts
-    nearer, no nearer than there."""
+    """What a planner keeps each link's smooth distance above [m]: the margin, and as much as it may err. Where the hop starts
+    nearer, half of what its pose leaves beyond that error: what turns beside its own joint, at nearly one distance, stays free."""
     start, margin = start_angles(design), margin_of(design)
-    return [min(found.levelled(margin + x.error), x.at(start) - FROM_START * found.reach) for x in found.links]
+
+    def own(x: LinkClearance) -> float:
+        there = x.at(start)
+        if there > found.levelled(margin + x.error):
+            return found.levelled(margin + x.error)
+        return 0.5 * (there + x.error) if there > x.error else there - FROM_START * found.reach
+
+    return [own(x) for x in found.links]
 
 
 def kept(design: Design, found: Clearances) -> list[float]:
