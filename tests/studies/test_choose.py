@@ -121,6 +121,7 @@ def test_the_first_pair_is_verified_and_its_written_leg_hops_as_high(tmp_path: P
     answer = solve(again, starts=2)
     assert answer.verified
     assert first.verified == pytest.approx(answer.clearance, abs=1e-5)
+    assert first.preliminary == pytest.approx(answer.clearance, rel=2e-3)
     by_mass = [c.mass for c in found.clearing if c.mass is not None]
     assert by_mass == sorted(by_mass)
     outcomes = {c.pair.name: c.outcome for c in found.candidates}

@@ -9,7 +9,7 @@ from hopopt.cli.screen.console import Shown, table
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.answer.extras import CoDesign, FreeEntry
 from hopopt.planner.stopwatch import duration
-from hopopt.studies.choose.choice import DROPPED, FILE, UNWEIGHED, WEAK, Candidate, Choice
+from hopopt.studies.choose.choice import DROPPED, FILE, ORDERS, UNWEIGHED, WEAK, Candidate, Choice
 from hopopt.studies.maps.found import Map
 from hopopt.studies.pareto.front import Front
 from hopopt.studies.sweep.run import Study
@@ -17,6 +17,7 @@ from hopopt.studies.sweep.run import Study
 SHOWN = 60  # points; the rest is in the table's file
 PAIRS = 30  # of those that clear, and of those that do not; the rest is in the choice's file
 LISTED = 12  # the best designs of a map
+ALL_DRIVES = "all drives kg"  # a column of a choice
 
 
 def of_sweep(study: Study) -> Iterator[Shown]:
@@ -145,9 +146,9 @@ def _between(p: FreeEntry) -> list[str]:
 
 
 def of_preliminary_choice(found: Choice) -> Iterator[Shown]:
-    """Pairs that clear as the first mesh has it, while the first of them are verified."""
+    """Pairs that clear on coarse meshes, while the first of them are verified."""
     yield from _clearing(found)
-    yield f"so it is on the first mesh; the first are verified now, which may be interrupted: {found.folder} keeps this list"
+    yield f"so it is on coarse meshes; the first are verified now, which may be interrupted: {found.folder} keeps this list"
 
 
 def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
@@ -162,7 +163,7 @@ def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
     solved = [c for c in found.candidates if c.clearance is not None]
     preliminary = sum(c.verified is None for c in solved)
     pairs = f"{len(found.candidates)} pair{'s' * (len(found.candidates) != 1)}"
-    yield f"{pairs}: {len(solved)} solved, {preliminary} of them preliminary (first mesh alone, not verified)"
+    yield f"{pairs}: {len(solved)} solved, {preliminary} of them preliminary (coarse meshes alone, not verified)"
     unsure = {key for c in found.clearing for key in c.pair.unverified}
     if unsure:
         yield f"those marked rest on numbers that no source confirms ({', '.join(sorted(unsure))}): hopopt actuators"
@@ -175,7 +176,7 @@ def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
 
 def _clearing(found: Choice) -> Iterator[Shown]:
     """Those that clear, the best first."""
-    heads = ("motor and gear", "drives kg", "body kg", "price EUR", "push J", "peak W", "clearance m", "")
+    heads = ("motor and gear", ALL_DRIVES, "body kg", "EUR", "push J", "peak W", "clearance m", "")
     rows = [
         [
             c.pair.name, *_figures(c.mass, c.body_mass), _figure(c.price), *_figures(c.energy, c.peak_power),
@@ -183,10 +184,13 @@ def _clearing(found: Choice) -> Iterator[Shown]:
         ]
         for c in found.clearing
     ]  # fmt: skip
-    legs = f" of {found.drives.legs} legs" if found.drives.legs > 1 else ""
-    yield table(
-        heads, rows[:PAIRS], f"clear {found.wish:g} m, by {found.by}: drives of {', '.join(found.drives.joints)}{legs}"
-    )
+    d = found.drives
+    title = f"clear {found.wish:g} m, by {found.by}: drives of {', '.join(d.joints)}{f' of {d.legs} legs' if d.legs > 1 else ''}"
+    yield table(heads, rows[:PAIRS], title)
+    if (count := len(d.joints) * d.legs) > 1:
+        yield f"mass and price are of all {count} motors with their gears: {len(d.joints)} on a leg, {d.legs} leg{'s' * (d.legs > 1)}"
+    if rows and all(ORDERS[found.by](c) is None for c in found.clearing):
+        yield f"of none of these the {found.by} is stated: the highest comes first"
     if not rows:
         yield f"no pair clears {found.wish:g} m"
     if len(rows) > PAIRS:
@@ -195,7 +199,7 @@ def _clearing(found: Choice) -> Iterator[Shown]:
 
 def _not_clearing(found: Choice) -> Iterator[Shown]:
     """What the others lack, the nearest first."""
-    heads = ("motor and gear", "drives kg", "clearance m", "at most m", "lacks")
+    heads = ("motor and gear", ALL_DRIVES, "clearance m", "at most m", "lacks")
     rows = [[c.pair.name, *_figures(c.mass), _figure(c.clearance, 4), _figure(c.bound), _why(c)] for c in found.others]
     if rows:
         yield table(heads, rows[:PAIRS], f"do not clear {found.wish:g} m, the nearest first")

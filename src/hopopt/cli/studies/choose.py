@@ -39,7 +39,7 @@ def choose(
     """Find the motors and gears that lift the foot so high.
 
     Every pair of the catalogue on this leg: those that clear, the lightest first, and what the others lack.
-    The first few are verified, the others are preliminary: of the first mesh alone.
+    The first few are verified, the others are preliminary: of coarse meshes alone.
 
     Exit code: 0 one clears and is verified, 1 none clears, 2 wrong usage, 3 none of those that clear is verified.
 

@@ -30,7 +30,7 @@ def figure(found: Choice, against: str = "mass") -> Figure:
     )
     for state, look in LOOKS.items():
         chosen = [c for c in found.candidates if c.clearance is not None and c.state == state]
-        label = state if state == "verified" else "preliminary: first mesh alone, not verified"
+        label = state if state == "verified" else "preliminary: coarse meshes alone, not verified"
         if chosen:
             x, y = [size(c) or 0.0 for c in chosen], [c.clearance or 0.0 for c in chosen]
             ax.plot(x, y, ls="none", label=label, zorder=3, **look)

@@ -29,7 +29,7 @@ class Candidate:
     mass: of all drives that it stands for, of all legs [kg]; price: of them [EUR]
     body_mass: of the body that carries them [kg]
     bound: clearance that no hop with it exceeds [m]
-    preliminary: clearance on the first mesh [m]
+    preliminary: clearance on the first mesh or, where it may clear, on a finer one [m]
     verified: clearance that is verified [m]
     sentence: why it was not solved, or how its verification ended
     lacks: what is exhausted longest in the push, where it does not clear: torque, speed or supply

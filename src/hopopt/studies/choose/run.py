@@ -1,7 +1,8 @@
 """Which motor and which gear: every pair of the catalogue on a leg, those that cannot clear dropped by a closed bound.
 
-The rest are points of a map (studies/maps): solved on the first mesh alone, each from starts of its own, then once more from
-pairs like it where that promises more. The first that clear are solved and verified in full, the others are preliminary.
+The rest are points of a map (studies/maps): solved on the first mesh, each from starts of its own, then once more from
+pairs like it where that promises more; those that clear on a finer mesh too. The first that clear are solved and verified in
+full, the others are preliminary.
 """
 
 import os
@@ -165,7 +166,8 @@ def _solved(
         return chosen
 
     found = run_map(
-        definition, checked=0, doubts=lambda points: _nearly(definition, points, wish), to_verify=to_verify,
+        definition, checked=0, doubts=lambda points: _nearly(definition, points, wish), finer=lambda points: _clear(points, wish),
+        to_verify=to_verify,
         so_far=lambda points: _so_far(left, points, wish), opened=told, **settings,
     )  # fmt: skip
     for k, p in ((p.index, p) for p in found.points):
@@ -185,6 +187,11 @@ def _so_far(left: Sequence[Candidate], points: Mapping[int, MapPoint], wish: flo
         return "none clears yet"
     best = min(clear, key=lambda c: c.mass or 0.0)
     return f"{len(clear)} clear so far, the lightest {best.pair.name} ({best.mass:.3g} kg)"
+
+
+def _clear(points: Mapping[int, MapPoint], wish: float) -> list[int]:
+    """Points that clear, or may."""
+    return [k for k, p in sorted(points.items()) if outcome_of(p.objective_value or 0.0, wish, False) == choice.CLEARS]
 
 
 def _nearly(definition: Definition, points: Mapping[int, MapPoint], wish: float) -> list[int]:

@@ -8,14 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.nlp.deadline import NEVER
 from hopopt.studies.faults import Fault, guarded
+from hopopt.studies.maps.cold import finer_value
 from hopopt.studies.maps.pieces import Piece
-from hopopt.studies.maps.warm import Families, MapPoint, solved_at, solved_from_points
+from hopopt.studies.maps.warm import LONGEST, Families, MapPoint, solved_at, solved_from_points
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import compiling_shared
 from hopopt.studies.sweep.point_file import ENDED
 
 FIRST, PIECE, AGAIN = "first", "piece", "again"  # the search at the first point, a piece, points solved again
+FINER = "finer"  # points solved on a finer mesh
+SAME_HOP = 0.02  # share of the objective by which a finer mesh may differ and be of the same hop
 
 _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
 
@@ -24,7 +28,7 @@ _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several th
 class Part:
     """Points of a map that were solved together, and what others begin from.
 
-    kind: FIRST, PIECE or, with its number, AGAIN
+    kind: FIRST, PIECE, FINER or, with its number, AGAIN
     number: of the piece or, of points that were solved again, of the group
     points: how each ended
     x: by point, variables [SI] of its hop, in single precision: they are many
@@ -76,6 +80,18 @@ def solve_points_again(
             if len(better):
                 x[old.index] = better.astype(np.float32)
     return Part(kind, number, tuple(points), x)
+
+
+def solve_finer(definition: Definition, kind: str, number: int, jobs: Sequence[tuple[MapPoint, np.ndarray]]) -> Part:
+    """Points with their values on a finer mesh, each from its variables on the first; those of another hop as they were."""
+    points, until = list[MapPoint](), NEVER.within(LONGEST)
+    with _one_at_a_time, compiling_shared(definition):
+        for old, x in jobs:
+            found = guarded(finer_value, definition, old, x.astype(float), until)
+            most = SAME_HOP * abs(old.objective_value or 0.0)
+            same = isinstance(found, float) and abs(found - (old.objective_value or 0.0)) <= most
+            points.append(replace(old, objective_value=found, unverified_clearance_m=found) if same else old)
+    return Part(kind, number, tuple(points), {})
 
 
 def _timed(

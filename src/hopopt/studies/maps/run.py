@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from hopopt.studies.faults import kept
 from hopopt.studies.maps.doubt import doubtful
 from hopopt.studies.maps.found import Map, Verified
 from hopopt.studies.maps.part_file import FOLDER, read_part, save_part
-from hopopt.studies.maps.piece import AGAIN, FIRST, PIECE, Part, solve_piece, solve_points_again
+from hopopt.studies.maps.piece import AGAIN, FINER, FIRST, PIECE, Part, solve_finer, solve_piece, solve_points_again
 from hopopt.studies.maps.pieces import pieces
 from hopopt.studies.maps.search import first_search
 from hopopt.studies.maps.warm import MapPoint
@@ -43,7 +44,7 @@ from hopopt.studies.sweep.workers.crew import Workers
 from hopopt.studies.sweep.workers.processes import Progress, workers
 
 CHECKED = 5  # points drawn and verified, to see how far the first mesh is off
-GROUP = 8  # points that are solved again together
+GROUP, FEW = 8, 2  # points that are solved again together, and on a finer mesh
 PASSES = 4  # in which points are solved again, at most
 
 
@@ -53,6 +54,7 @@ def run_map(
     verify_best: int = 0,
     checked: int = CHECKED,
     doubts: Callable[[Mapping[int, MapPoint]], Collection[int]] = lambda points: (),
+    finer: Callable[[Mapping[int, MapPoint]], Sequence[int]] = lambda points: (),
     to_verify: Callable[[Mapping[int, MapPoint], Mapping[int, np.ndarray]], Sequence[int]] | None = None,
     so_far: Callable[[Mapping[int, MapPoint]], str] = lambda points: "",
     processes: int | None = None,
@@ -66,8 +68,8 @@ def run_map(
     """The map of a definition, begun or resumed; ``opened`` is told the folder before the work.
 
     verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random;
-    doubts: which points besides are solved again from those around them; to_verify: which are verified besides, once all
-    are solved; so_far: words on the points that are solved, for the line of progress; until: when nothing more may be begun: the map is then what is finished, and can be resumed
+    doubts: which points besides are solved again from those around them; finer: which have their value of a finer mesh
+    then; to_verify: which are verified besides, once all are solved; so_far: words on the points that are solved, for the line of progress; until: when nothing more may be begun: the map is then what is finished, and can be resumed
     """
     began, say = time.perf_counter(), progress or (lambda text: None)
     check_verify_best(verify_best, definition.preliminary)
@@ -82,6 +84,7 @@ def run_map(
             parts = work.pieces(first)
             if not until.passed:
                 parts += work.again(parts, doubts(_latest(parts)))
+                parts += work.finer(parts, finer(_latest(parts)))
             points, solved_now, mapping = _latest(parts), work.solved, time.perf_counter() - began
             drawn, best = _drawn(definition, points, checked), _best(definition, points, verify_best)
             besides = to_verify(points, _hops(parts)) if to_verify else ()
@@ -107,7 +110,7 @@ def map_in(folder: Path) -> Map:
         raise ResultError(f"{folder}: no point of this map is finished: hopopt sweep --resume {folder}")
     begin = next(iter(first.exits), 0)  # a list has none
     parts = [p for piece in pieces(definition, begin) if (p := read_part(folder, PIECE, piece.number, definition))]
-    for kind in (f"{AGAIN}-{number}" for number in range(1, PASSES + 1)):
+    for kind in (*(f"{AGAIN}-{number}" for number in range(1, PASSES + 1)), FINER):
         parts += [p for n in range(len(definition.points)) if (p := read_part(folder, kind, n, definition))]
     points, verified = _latest(parts), load_points(folder, definition).get(0, {})
     drawn = _drawn(definition, points, CHECKED)
@@ -190,30 +193,35 @@ class _Work:
             points = _latest([*parts, *found])
             first = number == 1
             jobs = doubtful(self.definition, points, first and not self.definition.listed, besides if first else ())
-            done = self._again(number, jobs, points, _hops([*parts, *found]))
+            hops = _hops([*parts, *found])
+            given = [(points[k], [(points[g].family, hops[g]) for g in around]) for k, around in jobs.items()]
+            words = "designs once more, from those around them"
+            done = self._in_groups(f"{AGAIN}-{number}", words, GROUP, solve_points_again, given)
             found += done
             if not any(part.x for part in done):
                 break
         return found
 
-    def _again(
-        self, number: int, jobs: Mapping[int, Sequence[int]], points: Mapping[int, MapPoint], hops: Mapping[int, np.ndarray]
-    ) -> list[Part]:  # fmt: skip
-        """These points, each from the hops at others."""
-        kind, every = f"{AGAIN}-{number}", list(jobs)
-        groups = [every[at : at + GROUP] for at in range(0, len(every), GROUP)]
+    def finer(self, parts: Sequence[Part], chosen: Sequence[int]) -> list[Part]:
+        """Points with their values on a finer mesh."""
+        points, hops = _latest(parts), _hops(parts)
+        given = [(points[k], hops[k]) for k in chosen]
+        return self._in_groups(FINER, "designs on a finer mesh", FEW, solve_finer, given)
+
+    def _in_groups(
+        self, kind: str, words: str, size: int, job: Callable[..., Part], given: Sequence[Any]
+    ) -> list[Part]:
+        """A job done for all that is given, so many at a time."""
+        groups = [given[at : at + size] for at in range(0, len(given), size)]
         done = {n: part for n in range(len(groups)) if (part := read_part(self.folder, kind, n, self.definition))}
         waiting = [n for n in range(len(groups)) if n not in done]
-        count_down = Countdown(
-            self.say, "designs once more, from those around them", sum(len(groups[n]) for n in waiting)
-        )
+        count_down = Countdown(self.say, words, sum(len(groups[n]) for n in waiting))
         while waiting or self.crew.busy:
             if self.until.passed:
                 waiting.clear()
             for n in waiting[: self.crew.free]:
                 waiting.remove(n)
-                given = [(points[k], [(points[g].family, hops[g]) for g in jobs[k]]) for k in groups[n]]
-                self.crew.submit(solve_points_again, self.definition, kind, n, given)
+                self.crew.submit(job, self.definition, kind, n, groups[n])
             for part in self.crew.done():
                 save_part(self.folder, part)
                 done[part.number] = part
