@@ -20,6 +20,7 @@ from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.springs import SpringLaw
 from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
@@ -161,6 +162,32 @@ def test_a_mass_on_a_spring_with_limited_force() -> None:
     trajectory = solution.phases["swing"]
     assert trajectory.duration == pytest.approx(T, rel=1e-6)
     assert trajectory.x_end[1] == pytest.approx(W * np.sin(W * T) * (rest - start), rel=1e-6)
+
+
+def test_mujoco_has_the_springs_of_its_file() -> None:
+    """Accelerations in flight away from corners, which MuJoCo leaves sharp; a rest angle of -1 rad, which it would take as its own."""
+    mujoco = pytest.importorskip("mujoco")
+    slack = {
+        "stiffness": 15.0,
+        "rest_angle": 0.4,
+        "acts": "above",
+        "joints": ["hip", "knee"],
+        "coefficients": [1.0, -0.5],
+    }
+    robot = build_robot(
+        load("paper", [*KNEE, *(f"leg.spring.calf.{name}={value}" for name, value in slack.items())]).leg
+    )
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot))
+    data = mujoco.MjData(model)
+    for q_j in ([0.5, -2.0], [1.2, -0.5], [-0.5, -1.5]):
+        q, v = np.array([0.1, 0.9, *q_j]), np.array([0.1, 0.2, 3.0, -4.0])
+        data.qpos[:], data.qvel[:] = q, v
+        mujoco.mj_forward(model, data)
+        expected = Machine(robot).acceleration(q, v, np.zeros(2), contact=False)
+        wrong = Machine(robot).mass_matrix(q) @ (
+            data.qacc - expected
+        )  # N m: a rounded corner at a distance, k w^2 / (4 x)
+        np.testing.assert_allclose(wrong, 0, atol=15 * 0.03**2 / 4 / 0.14)
 
 
 # ---- what a user sees ---------------------------------------------------------------------------------------

@@ -102,7 +102,7 @@ def simulate(
         if contact and not on_ground:
             left = t
         landings -= on_ground and not contact and t - left > least
-        if (scene.pinned and not on_ground and foot[1] < -PLACED) or landings <= 0:
+        if (scene.pinned and not on_ground and foot[1] < -scene.touches) or landings <= 0:
             break
         contact = on_ground
     return MujocoTrace(*(np.array(column) for column in zip(*rows, strict=True)))

@@ -48,13 +48,17 @@ def springs_lift_the_foot(design: Design, robot: Robot) -> list[str]:
         return []
     q = np.concatenate([np.zeros(BASE), start_angles(design)])
     jacobian, M = _foot_jacobian(robot, q), pin.crba(robot.model, robot.model.createData(), q)
-    M = np.triu(M) + np.triu(M, 1).T
+    M, turns = np.triu(M) + np.triu(M, 1).T, np.eye(len(robot.joints))
+    if robot.turning:
+        M[BASE:, BASE:] += robot.turning.inertia(q[BASE:])
+        turns = robot.turning.jacobian(q[BASE:])
     columns, force = M[:, BASE:] - M[:, :BASE] @ jacobian, robot.forces_at_rest(q)
     reduced = columns[BASE:] - jacobian.T @ columns[:BASE]
     by_torque = np.linalg.solve(reduced.T, columns[UP])  # of the vertical ground force [N], for each N m
     without = force[UP] - by_torque @ (force[BASE:] - jacobian.T @ force[:BASE])
     bounds = [operating_region(design.leg, j, robot.parameters).torque_bounds(0.0) for j in design.leg.joints]
-    most = without + sum(float(np.max(by * np.array(ends))) for by, ends in zip(by_torque, bounds, strict=True))
+    by_drive = turns @ by_torque
+    most = without + sum(float(np.max(by * np.array(ends))) for by, ends in zip(by_drive, bounds, strict=True))
     if most >= design.contact.least_force:
         return []
     given = dict(zip(design.leg.joints, robot.spring_forces(q)[BASE:].tolist(), strict=True))
