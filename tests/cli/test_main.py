@@ -93,7 +93,8 @@ def test_verify_command_agrees(solved: tuple[dict, Path]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("group", "name", "fails"), [("stance", "tau", "stance replay"), ("flight", "q", "claimed height")]
+    ("group", "name", "fails"),
+    [("stance", "tau", "stance replay"), pytest.param("flight", "q", "claimed height", marks=pytest.mark.slow)],
 )
 def test_a_tampered_file_fails(solved: tuple[dict, Path], tmp_path: Path, group: str, name: str, fails: str) -> None:
     s, folder = solved
@@ -145,6 +146,7 @@ def test_ctrl_c_while_ipopt_works_is_heeded_and_said(tmp_path: Path) -> None:
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.slow
 def test_motor_too_weak_to_stand(tmp_path: Path) -> None:
     done = said("solve", *COARSE, "--set", "leg.motor.max_torque=0.1", cwd=tmp_path)
     assert done.returncode == 1

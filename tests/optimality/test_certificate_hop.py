@@ -173,7 +173,7 @@ def test_stored_and_recomputed(hop: Solution, tmp_path: Path, capsys: pytest.Cap
     assert "first-order optimality certified" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("what", ["tau", "u"])
+@pytest.mark.parametrize("what", [pytest.param("tau", marks=pytest.mark.slow), "u"])
 def test_torques_and_controls_that_were_changed_in_the_file_are_found(hop: Solution, tmp_path: Path, what: str) -> None:
     again = read(str(save(hop, tmp_path).result_dir))
     owner = again.tables["stance"] if what == "tau" else again.phases["stance"]

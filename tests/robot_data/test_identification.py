@@ -270,7 +270,7 @@ def test_without_a_force_a_known_mass_or_torque_constant_tells_the_rest(believed
         assert error(e, TRUTH[key]) < 0.02, key
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_drive_that_was_never_at_its_line_does_not_tell_its_speed(
     believed: Design, recording: Recording, seed: int
 ) -> None:

@@ -263,7 +263,12 @@ def test_compiled_ideal_ground_is_the_same_plant() -> None:
         np.testing.assert_allclose(a, b, atol=1e-6)
 
 
-CASES = (("force", 0.6), ("force_tuck", 0.6), ("force_tuck", 0.3), ("position_tuck", 0.3), ("position_tuck", 0.1))
+CASES = (
+    ("force", 0.6),
+    ("force_tuck", 0.3),
+    ("position_tuck", 0.1),
+    *(pytest.param(*case, marks=pytest.mark.slow) for case in (("force_tuck", 0.6), ("position_tuck", 0.3))),
+)
 
 
 @pytest.mark.parametrize(("strategy", "friction"), CASES)

@@ -70,6 +70,7 @@ def folder(hop: Solution, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
+@pytest.mark.slow
 def test_what_is_stored_is_what_is_computed(folder: Path) -> None:
     assert recheck(read(folder)).verified
 

@@ -381,7 +381,13 @@ def holding_torque() -> float:
     return (potential(q[1] + h) - potential(q[1] - h)) / (2 * h)
 
 
-@pytest.mark.parametrize("more", [{}, {"hop.counter_movement": False}], ids=["free", "never descends"])
+@pytest.mark.parametrize(
+    "more",
+    [
+        pytest.param({}, id="free"),
+        pytest.param({"hop.counter_movement": False}, marks=pytest.mark.slow, id="never descends"),
+    ],
+)
 def test_a_motor_that_cannot_hold_the_leg(more: dict[str, Any]) -> None:
     """Not a hop, even if the foot leaves the ground as the leg falls; the error says which joint, where, how much."""
     with pytest.raises(NotSolvedError) as caught:

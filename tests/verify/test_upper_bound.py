@@ -138,7 +138,7 @@ def test_the_steps_of_the_proof_hold_along_a_verified_hop() -> None:
     assert speed <= bound.lift_off_speed_m_s
 
 
-@pytest.mark.parametrize("name", ["force", "position"])
+@pytest.mark.parametrize("name", [pytest.param("force", marks=pytest.mark.slow), "position"])
 def test_a_controller_that_pushes_longer_passes_the_bound_and_is_said_to(name: str) -> None:
     """The bound speaks of hops within the limits: the words beside it say so, and the run's own say what it did not keep."""
     design = load("paper", {"hop.stance_duration": [0.01, 0.015]})
