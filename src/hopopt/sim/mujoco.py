@@ -17,7 +17,7 @@ from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import gears_of
 from hopopt.drivetrain.motor import voltage_line
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
-from hopopt.leg.files.export import to_mjcf
+from hopopt.leg.files.export import DRIVE, to_mjcf
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
@@ -143,12 +143,14 @@ def replay(
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
     reference, feedforward = plan.sample(np.minimum(instants, plan.duration)), _means(plan, instants, control_period)
     leg, p, machine = robot.leg, robot.parameters, Machine(robot)
-    drive = Drive.of(leg, p, robot.rotors, gears_of(leg, p))
+    drive, turning = Drive.of(leg, p, robot.rotors, gears_of(leg, p), turning=robot.turning), robot.turning
 
     def controller(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         k = round(t / control_period)
-        tau = feedforward[k] + stiffness * (reference.q[k] - q)[BASE:] + damping * (reference.v[k] - v)[BASE:]
-        return drive.torque(v[BASE:], tau, None, lambda tau: machine.acceleration(q, v, tau, contact)[BASE:])[1]
+        planned = feedforward[k] if turning is None else turning.jacobian(q[BASE:]).T @ feedforward[k]
+        tau = planned + stiffness * (reference.q[k] - q)[BASE:] + damping * (reference.v[k] - v)[BASE:]
+        at = drive.at(q[BASE:])
+        return at.torque(v[BASE:], tau, None, lambda tau: machine.acceleration(q, v, tau, contact)[BASE:])[1]
 
     q0, v0, duration = reference.q[0], reference.v[0], float(instants[-1])
     steps = {"time_step": time_step, "control_period": control_period}
@@ -166,7 +168,12 @@ class _Scene:
 
     def __init__(self, robot: Robot, time_step: float, friction: float | None = None, dc_motors: bool = False):
         self.mj = library()
-        self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot, dc_motors, heat=False))
+        self.turning, pose = robot.turning, np.zeros(len(robot.joints))
+        self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot, dc_motors, heat=False, pose=pose))
+        first = [self.model.tendon(DRIVE.format(joint)).id for joint in robot.joints if self.turning]
+        self._ratios = [
+            self.model.tendon_adr[k] + np.arange(len(first)) for k in first
+        ]  # places of the tendons' ratios
         self.motors = [voltage_line(robot.leg, joint, robot.parameters) for joint in robot.joints * dc_motors]
         self.data = self.mj.MjData(self.model)
         option, disable = self.model.opt, self.mj.mjtDisableBit
@@ -203,13 +210,22 @@ class _Scene:
         if self.motors:
             self.data.ctrl[:] = [motor.at(*each) for motor, *each in zip(self.motors, tau, v[BASE:], strict=True)]
         else:
-            self.data.qfrc_applied[BASE:] = tau
+            self.data.qfrc_applied[BASE:] = tau - self._turned(q[BASE:], v[BASE:])
         self.mj.mj_forward(self.model, self.data)
         f = self._force()
         if self.pinned and f[1] < -self.grip:
             self.data.eq_active[0], contact, f = False, False, np.zeros(BASE)
         foot = self._foot()
         return t, q, v, tau, f, contact, foot, min(foot[1], self.data.xanchor[BASE:, 2].min())
+
+    def _turned(self, q: np.ndarray, v: np.ndarray) -> Any:
+        """Give tendons that are drives their ratios at joint angles q (n); what rotors that the ratios speed up ask, (n) [N m]."""
+        if self.turning is None:
+            return 0.0
+        J = self.turning.jacobian(q)
+        for places, row in zip(self._ratios, J, strict=True):
+            self.model.wrap_prm[places] = row
+        return J.T @ (self.turning.rotors * self.turning.drift(q, v))
 
     def advance(self, steps: int) -> None:
         self.mj.mj_step(self.model, self.data, steps)

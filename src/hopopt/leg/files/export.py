@@ -44,6 +44,7 @@ IN_SPACE = (
 )
 TAKES_TORQUE = "A motor takes its joint's torque; its limit is the one at standstill."
 TAKES_VOLTAGE = "A motor takes the voltage at its terminals."
+DRIVE = "{} drive"  # name of the tendon that is a joint's drive
 SPRINGS = "The leg has springs beside its drives, which URDF does not know."
 ON_SLIDER = "The body moves on a vertical slider: its guide along x is fixed."
 
@@ -56,7 +57,10 @@ def to_urdf(robot: Robot) -> str:
 
     URDF has no place for rotor inertias: comments list them.
     """
-    _refuse_transmissions(robot)
+    if not robot.leg.direct:
+        raise UsageError(
+            "a URDF knows drives that turn as their joints do: leave out the joints' transmissions, or write MJCF"
+        )
     bodies, root = _bodies(robot), ET.Element("robot", name="leg")
     *links, world, guide, body, foot = _unique([*robot.leg.links, "world", "guide", "body", "foot"])
     names = [world, guide, body, *links, foot]
@@ -128,19 +132,21 @@ def _limits(robot: Robot, name: str) -> dict[str, str]:
 # ---- MJCF -------------------------------------------------------------------------------------------------
 
 
-def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True) -> str:
+def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True, pose: np.ndarray | None = None) -> str:
     """The leg as MJCF above a floor that the foot, a site and a contact point, can touch.
 
     dc_motors: its motors are MuJoCo's DC motors, which take a voltage [V], in place of motors that take a torque. They have
     back-EMF, a winding's resistance and a torque cap; what gears lose and how far a supply sags they do not know. UsageError
     where the problem does not say at which voltage. heat: with the temperatures of their windings, by which their resistance
-    grows, so that a voltage gives less torque.
+    grows, so that a voltage gives less torque. pose (n) [rad]: where ratios that change with the angle are taken, without which
+    they are refused.
 
     The equality constraint "stance", inactive at first, pins the foot to the origin: the ideal ground. A motor takes its
     joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left to the controller.
+    A drive that does not turn as its joint does is a tendon on all joints with the rotor's inertia, which its motor pulls.
     Joint limits are stops; a spring is a tendon, whose corner MuJoCo does not round; UsageError for one with a table. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
     """
-    _refuse_transmissions(robot)
+    turns = _ratios(robot, pose, dc_motors)
     bodies, root = _bodies(robot), ET.Element("mujoco", model="leg")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     ET.SubElement(root, "option", gravity=_text(robot.model.gravity.linear))
@@ -165,14 +171,17 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True) -> str:
     ET.SubElement(body, "geom", name="foot", type="sphere", size=repr(FOOT_RADIUS), pos=_text(foot))
     equality = ET.SubElement(root, "equality")
     ET.SubElement(equality, "connect", name="stance", site1="foot", site2="foothold", active="false")
-    _mjcf_springs(root, robot)
+    tendons = ET.SubElement(root, "tendon") if robot.springs or turns is not None else root
+    _mjcf_springs(tendons, robot)
+    _mjcf_drives(tendons, robot, turns)
     actuators = ET.SubElement(root, "actuator")
     for name in robot.joints:
         if dc_motors:
             ET.SubElement(actuators, "dcmotor", _dc_motor(robot, name, heat))
             continue
         effort = effort_limit(operating_region(robot.leg, name, robot.parameters))
-        ET.SubElement(actuators, "motor", name=name, joint=name, ctrlrange=_text((-effort, effort)))
+        pulls = {"joint": name} if turns is None else {"tendon": DRIVE.format(name)}
+        ET.SubElement(actuators, "motor", name=name, ctrlrange=_text((-effort, effort)), **pulls)
     return _document(robot, root, TAKES_VOLTAGE if dc_motors else TAKES_TORQUE)
 
 
@@ -199,12 +208,34 @@ def _dc_motor(robot: Robot, joint: str, heat: bool) -> dict[str, str]:
 def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) -> None:
     limits, axis = robot.leg.joint[name], unit(robot.leg.joint[name].axis)
     joint = {"name": name, "type": "hinge", "axis": _text(axis), "range": _text((limits.lower, limits.upper))}
-    ET.SubElement(body, "joint", joint, armature=_text([content.armature]))
+    ET.SubElement(body, "joint", joint, armature=_text([content.armature if robot.leg.direct else 0.0]))
 
 
-def _mjcf_springs(root: ET.Element, robot: Robot) -> None:
+def _ratios(robot: Robot, pose: np.ndarray | None, dc_motors: bool) -> np.ndarray | None:
+    """d theta / d q (n, n) of the drives at a pose; None where they turn as their joints do. UsageError as of ``to_mjcf``."""
+    if robot.turning is None:
+        return None
+    leg = robot.leg
+    laws = [f"leg.{j}.transmission.{t.law}" for j in leg.joints if (t := leg.joint[j].transmission) and t.law]
+    if laws and pose is None:
+        raise UsageError(f"{laws[0]}: MJCF has no ratio that changes with the angle: leave the law out")
+    if dc_motors:
+        raise UsageError(
+            "DC motors in MJCF turn as their joints do: leave out the joints' transmissions, or --dc-motors"
+        )
+    return robot.turning.jacobian(np.zeros(len(leg.joints)) if pose is None else pose)
+
+
+def _mjcf_drives(tendons: ET.Element, robot: Robot, turns: np.ndarray | None) -> None:
+    """Drives as tendons on joints, whose length is the drive's angle behind its gear."""
+    for joint, row, rotor in zip(robot.joints, turns, robot.rotors, strict=True) if turns is not None else ():
+        fixed = ET.SubElement(tendons, "fixed", name=DRIVE.format(joint), armature=_text([float(rotor)]))
+        for other, ratio in zip(robot.joints, row.tolist(), strict=True):
+            ET.SubElement(fixed, "joint", joint=other, coef=_text([ratio]))
+
+
+def _mjcf_springs(tendons: ET.Element, robot: Robot) -> None:
     """Springs as tendons on joints, whose length is the spring's angle; it is slack between two lengths."""
-    tendons = ET.SubElement(root, "tendon") if robot.springs else root
     for name, law in robot.springs.laws.items():
         spring, p = (robot.leg.spring or {})[name], robot.parameters
         if spring.table is not None:
@@ -226,15 +257,6 @@ def _mjcf_inertial(body: ET.Element, content: MovingBody) -> None:
 
 
 # ---- both -------------------------------------------------------------------------------------------------
-
-
-def _refuse_transmissions(robot: Robot) -> None:
-    """UsageError where drives do not turn as joints do, which these files have no place for."""
-    if not robot.leg.direct:
-        raise UsageError(
-            "URDF and MJCF as hopopt writes them, and its simulation in MuJoCo, know drives that turn as their joints do: leave out "
-            "the joints' transmissions"
-        )
 
 
 def _bodies(robot: Robot) -> list[MovingBody]:
