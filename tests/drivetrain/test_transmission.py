@@ -14,8 +14,10 @@ from hopopt.design import Leg, physical_parameters
 from hopopt.drivetrain.transmission import drive_angle, ratios
 from hopopt.errors import ProblemFileError
 from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.problem.load import load
+from hopopt.sim import mujoco
 from hopopt.sim.ground.rough_ground import RoughGround
 from hopopt.sim.machine import Machine
 from hopopt.sim.plant import Plant
@@ -24,10 +26,8 @@ from hopopt.sim.state import State
 KNEE = "leg.knee.transmission"
 FOUR_BAR = {"ground": 0.3, "crank": 0.06, "rod": 0.31, "arm": 0.05, "stretched": -2.9}
 FALLING = {f"{KNEE}.linear": {"slope": -0.2, "at": -1.3}}
-MIXED = FALLING | {
-    f"{KNEE}.coupling": {"hip": {"ratio": 0.7}},
-    "leg.hip.transmission.coupling": {"knee": {"ratio": -0.2}},
-}
+BELTS = {f"{KNEE}.coupling": {"hip": {"ratio": 0.7}}, "leg.hip.transmission.coupling": {"knee": {"ratio": -0.2}}}
+MIXED = FALLING | BELTS
 
 
 def leg_with(**law: Any) -> Leg:
@@ -185,6 +185,25 @@ def test_a_ratio_that_falls_as_the_leg_stretches_lifts_the_foot_as_other_code_sa
     s = solved_once(FALLING)
     assert s.verified
     assert s.clearance == pytest.approx(0.817, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_mujoco_with_drives_as_tendons_repeats_the_plan() -> None:
+    pytest.importorskip("mujoco")
+    s = solved_once(FALLING)
+    run = mujoco.replay(s.robot, s)
+    assert run.lowest[-1] == pytest.approx(s.clearance, rel=1e-3)
+
+
+def test_mujoco_has_the_mass_matrix_of_a_leg_with_belts() -> None:
+    library = pytest.importorskip("mujoco")
+    robot = build_robot(load("paper", BELTS).leg)
+    model = library.MjModel.from_xml_string(to_mjcf(robot))
+    data, M, q = library.MjData(model), np.zeros((4, 4)), np.array([0.1, 0.6, 0.4, -1.2])
+    data.qpos[:] = q
+    library.mj_forward(model, data)
+    library.mj_fullM(model, data, M)
+    assert pytest.approx(M, rel=1e-9, abs=1e-9) == Machine(robot).mass_matrix(q)
 
 
 @pytest.mark.slow
