@@ -181,7 +181,7 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True, pose: np.n
             continue
         effort = effort_limit(operating_region(robot.leg, name, robot.parameters))
         pulls = {"joint": name} if turns is None else {"tendon": DRIVE.format(name)}
-        ET.SubElement(actuators, "motor", name=name, ctrlrange=_text((-effort, effort)), **pulls)
+        ET.SubElement(actuators, "motor", {"name": name, "ctrlrange": _text((-effort, effort)), **pulls})
     return _document(robot, root, TAKES_VOLTAGE if dc_motors else TAKES_TORQUE)
 
 
