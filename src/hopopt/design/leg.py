@@ -196,7 +196,7 @@ class Leg(Section):
     gear: Gear
     supply: Supply | None = choice("what feeds the motors (default: a stiff supply)", None, listed=False)
     spring: dict[str, Spring] | None = choice(
-        "springs beside the drives by name: [leg.spring.knee] (docs/transmissions.md)",
+        "springs beside the drives by name: [leg.spring.knee] (docs/springs.md)",
         None,
         listed=False,
         max_length=MOST_SPRINGS,
