@@ -103,6 +103,8 @@ def test_the_seed_decides_the_sample() -> None:
         ({"leg.gear.ratio": "60,60"}, {}, "each value once"),
         ({"leg.gear.ratio": ""}, {}, "is not a number"),
         ({"name": "1,2"}, {}, "is not a number"),
+        ({"leg.motor": "mini-cheetah,nobodys"}, {}, 'leg.motor = "nobodys" is not in the catalogue'),
+        ({"leg.knee.gear": "mini-cheetah,mini-cheetah"}, {}, "each name once"),
         ({"hop.counter_movement": "0,1"}, {}, "is not a number"),
         ({"hop.stance_duration": "0.1,0.2"}, {}, "is not a number"),
         ({"hop.stance_duration[2]": "0.1,0.2"}, {}, "no such value"),
@@ -291,6 +293,20 @@ def test_table_and_dataset_say_the_same(tmp_path: Path) -> None:
     assert len(lines) == 7
     assert lines[4].startswith("3,80.0,0.34,verified,0.8")
     assert lines[5].endswith('"a ""sentence"", with a comma"')
+
+
+def test_motors_and_gears_are_varied_by_their_names(tmp_path: Path) -> None:
+    names = ["unitree-go2", "mini-cheetah"]
+    study = define(PAPER, {"leg.motor": ",".join(names), "leg.gear": ["csf-25-50", "apex-af042-20"]})
+    legs = [study.design_at(k).leg for k in range(4)]
+    assert [leg.motor.catalogue for leg in legs] == [names[0]] * 2 + [names[1]] * 2
+    assert [leg.gear.ratio for leg in legs] == [50, 20, 50, 20]
+    assert study.words(study.values(3)) == "leg.motor = mini-cheetah, leg.gear = apex-af042-20"
+    assert read_definition(open_folder(study, tmp_path)) == study
+    points = list(finished(study, np.linspace(0.5, 0.8, 4)).values())
+    found = dataset(study, points)["clearance_m"].sel({"leg.motor": "mini-cheetah", "leg.gear": "csf-25-50"})
+    assert float(found) == points[2].clearance_m
+    assert table(study, points).splitlines()[3].startswith("2,mini-cheetah,csf-25-50,verified,0.7")
 
 
 @pytest.mark.parametrize("more", [["--objective", "energy"], ["--seed", "3"], ["--starts", "5"]])

@@ -156,6 +156,8 @@ def one_entry(definition: Definition) -> Definition:
     problem."""
     if len(definition.axes) > 1:
         raise UsageError("families are followed over one entry: give --vary once")
+    if any(axis.names for axis in definition.axes):
+        raise UsageError("families are followed over numbers: give --vary leg.gear.ratio=60:160:9, say")
     axes = tuple(replace(axis, values=tuple(sorted(axis.values))) for axis in definition.axes)
     found = replace(definition, axes=axes)
     for k in range(len(found.points)):

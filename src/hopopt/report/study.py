@@ -15,7 +15,7 @@ from hopopt.report.html import render
 from hopopt.storage.seal.digests import changed, manifest_of
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NO_LIMIT, NOT_SOLVED, NOT_VERIFIED, Point
 from hopopt.studies.sweep.run import Study, study_in
-from hopopt.studies.sweep.shown import cell_edges, colors, entry_label, entry_unit, value
+from hopopt.studies.sweep.shown import axis_label, cell_edges, colors, entry_unit, value
 from hopopt.studies.sweep.store import FILES
 
 MARKS = {NOT_VERIFIED: "×", NOT_SOLVED: "✕", IMPOSSIBLE: "+", ENDED: "!"}  # of points without a verified hop
@@ -59,7 +59,7 @@ def study_page(folder: Path) -> str:
         outcomes=Counter(p.outcome for p in study.points if not p.verified), marks=MARKS, best=study.best,
         points=listed, reasons=[p for p in listed if not p.verified], left_out=len(ranked) - len(listed),
         goal=goal if other else None, not_drawn=len(ranked) - len(_drawn(study)),
-        entries=entries, units={e: entry_unit(study.definition.design, e) for e in entries}, no_limit=NO_LIMIT,
+        stated=study.definition.stated, entries=entries, units={e: entry_unit(study.definition.design, e) for e in entries}, no_limit=NO_LIMIT,
     )  # fmt: skip
 
 
@@ -74,7 +74,8 @@ def answer(study: Study) -> list[str]:
         return ["No best point is stated: no point has a verified hop.", counted]
     goal = find(study.definition.objective)
     design = study.definition.design
-    where = ", ".join(f"{entry} = {x:g} {entry_unit(design, entry)}".rstrip() for entry, x in best.values.items())
+    shown = ((e, x if isinstance(x, str) else f"{x:g}") for e, x in study.definition.stated(best.values).items())
+    where = ", ".join(f"{entry} = {x} {entry_unit(design, entry)}".rstrip() for entry, x in shown)
     words = [f"Best is {where}: the leg lifts its lowest point {best.clearance_m:.4f} m above the ground."]
     if goal.figure != "clearance_m":
         most, unit = "most" if goal.maximize else "least", "" if goal.unit == "1" else f" {goal.unit}"
@@ -106,7 +107,7 @@ def _varied(study: Study) -> dict[str, str]:
     found = dict[str, str]()
     for a in study.definition.axes:
         path, bracket, place = a.entry.partition("[")
-        values = ", ".join(f"{x:g}" for x in a.values) or f"{a.lower:g} to {a.upper:g}"
+        values = ", ".join(a.names or (f"{x:g}" for x in a.values)) or f"{a.lower:g} to {a.upper:g}"
         before = f"{found[path]}; " if path in found else ""
         found[path] = f"{before}varied{f' {bracket}{place}' if bracket else ''}: {values}"
     return found
@@ -148,7 +149,7 @@ def _goal(study: Study) -> str:
 
 def _words(study: Study, point: Point) -> str:
     """A point in words, for who points at it."""
-    where = ", ".join(f"{entry} = {x:g}" for entry, x in point.values.items())
+    where = study.definition.words(point.values)
     if not point.verified:
         return f"{where}: {point.outcome}"
     return f"{where}: {value(study, point):.5g} {find(study.definition.objective).unit}, {point.limit or NO_LIMIT}"
@@ -167,7 +168,7 @@ def _over(study: Study, k: int, width: int, by_limit: Mapping[str, str]) -> dict
         (low - strip, high),
         width,
         HEIGHT,
-        entry_label(study.definition.design, entry),
+        axis_label(study.definition.design, study.definition.axes[k]),
         _goal(study),
         values,
         ticks,
@@ -212,7 +213,7 @@ def _map(study: Study, by_limit: Mapping[str, str]) -> dict[str, Any]:
     x, y = (np.array([p.values[axis.entry] for p in points]) for axis in (first, second))
     edges = [cell_edges(np.array(axis.values)) for axis in (first, second)] if study.definition.shape else []
     ranges = [(float(e[0]), float(e[-1])) for e in edges] or [_wide(x), _wide(y)]
-    along, up = (entry_label(study.definition.design, axis.entry) for axis in (first, second))
+    along, up = (axis_label(study.definition.design, axis) for axis in (first, second))
     chart = Chart(ranges[0], ranges[1], WIDTH, HEIGHT, along, up, first.values, second.values)
     written = len(points) <= MOST_WRITTEN_CELLS
     marks = []

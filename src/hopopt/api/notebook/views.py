@@ -191,7 +191,9 @@ def study_html(study: Study) -> str:
     """What a notebook shows of a study: its points, the last left out where there are many."""
     rows: dict[str, Any] = {}
     for p in study.points[:NOTEBOOK_ROWS]:
-        where = ", ".join(f"{entry} = {value:.12g}" for entry, value in p.values.items())
+        where = ", ".join(
+            f"{e} = {x if isinstance(x, str) else f'{x:.12g}'}" for e, x in study.definition.stated(p.values).items()
+        )
         rows[where] = f"{p.clearance_m:.4f} m" if p.clearance_m is not None else p.outcome
     if len(study.points) > NOTEBOOK_ROWS:
         rows[f"{len(study.points) - NOTEBOOK_ROWS} more"] = "to_dataframe() has them"

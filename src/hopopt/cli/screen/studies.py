@@ -12,6 +12,7 @@ from hopopt.planner.stopwatch import duration
 from hopopt.studies.choose.choice import DROPPED, FILE, ORDERS, UNWEIGHED, WEAK, Candidate, Choice
 from hopopt.studies.maps.found import Map
 from hopopt.studies.pareto.front import Front
+from hopopt.studies.sweep.point_file import Point
 from hopopt.studies.sweep.run import Study
 
 SHOWN = 60  # points; the rest is in the table's file
@@ -28,7 +29,7 @@ def of_sweep(study: Study) -> Iterator[Shown]:
         height = "" if p.clearance_m is None else f"{p.clearance_m:.4f}"
         what = " best" if best is p else f": {p.sentence}" if p.sentence else ""
         value = [f"{p.objective_value:.5g}" if p.verified else ""] if other else []
-        rows.append([*(f"{x:g}" for x in p.values.values()), *value, height, f"{p.outcome}{what}"])
+        rows.append([*_values(study, p), *value, height, f"{p.outcome}{what}"])
     yield table([*(axis.entry for axis in study.definition.axes), *other, "clearance m", "outcome"], rows)
     if len(study.points) > SHOWN:
         yield f"… and {len(study.points) - SHOWN} more in {study.folder / 'table.csv'}"
@@ -36,10 +37,15 @@ def of_sweep(study: Study) -> Iterator[Shown]:
     corrected = f", {study.corrected} improved from other neighbours" if study.corrected else ""
     yield f"{verified} of {len(study.points)} points verified{corrected}, in {duration(study.seconds)}"
     if best:
-        where = ", ".join(f"{entry} = {x:g}" for entry, x in best.values.items())
+        where = study.definition.words(best.values)
         edge = f"; {study.at_the_edge}" if study.at_the_edge else ""
         yield f"best: {where}: clearance {best.clearance_m:.4f} m{edge}"
     yield f"results {study.folder}"
+
+
+def _values(study: Study, point: Point) -> list[str]:
+    """A point's values of the varied entries."""
+    return [x if isinstance(x, str) else f"{x:g}" for x in study.definition.stated(point.values).values()]
 
 
 def of_map(found: Map) -> Iterator[Shown]:
@@ -52,9 +58,7 @@ def of_map(found: Map) -> Iterator[Shown]:
         answer = checked.get(p.index)
         state = "preliminary" if answer is None else answer.outcome
         value = f"{answer.objective_value:.5g}" if answer is not None and answer.verified else ""
-        rows.append(
-            [*(f"{x:g}" for x in p.values.values()), f"{p.objective_value:.5g}", value, str(p.family or "-"), state]
-        )
+        rows.append([*_values(found, p), f"{p.objective_value:.5g}", value, str(p.family or "-"), state])
     of = f"{goal.name.replace('_', ' ')} {goal.unit}".removesuffix(" 1")
     heads = [*(a.entry for a in found.definition.axes), f"{of}, preliminary", f"{of}, verified", "family", ""]
     yield table(heads, rows, "the best designs: preliminary values are of the first mesh alone, and not verified")
@@ -92,7 +96,7 @@ def _checked(found: Map) -> Iterator[Shown]:
     for s in (s for s in (*found.sampled, *found.best_verified) if not s.found.verified):
         yield f"number {s.preliminary.index + 1} was to be verified: {s.found.outcome}: {s.found.sentence}"
     if found.best:
-        where = ", ".join(f"{entry} = {x:g}" for entry, x in found.best.values.items())
+        where = found.definition.words(found.best.values)
         edge = f"; {found.at_the_edge}" if found.at_the_edge else ""
         yield f"best that is verified: {where}: {found.best.objective_value:.5g} {find(found.definition.objective).unit}{edge}"
 

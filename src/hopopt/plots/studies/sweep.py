@@ -27,6 +27,7 @@ from hopopt.plots.style import (
     legend,
     new_figure,
 )
+from hopopt.studies.sweep.definition import Axis
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 from hopopt.studies.sweep.run import Study
 from hopopt.studies.sweep.shown import cell_edges, colors, entry_label, kind_label, value
@@ -78,11 +79,13 @@ def _heights(study: Study) -> np.ndarray:
 def _curve(figure: Figure, study: Study) -> None:
     ax, x, z = figure.subplots(), study.definition.points[:, 0], _heights(study)
     order = np.argsort(x)
-    ax.plot(x[order], z[order], "-", color=GREY, lw=1.5, zorder=2)  # broken where a point failed
+    if not study.definition.axes[0].names:
+        ax.plot(x[order], z[order], "-", color=GREY, lw=1.5, zorder=2)  # broken where a point failed
     _by_limit(ax, study, x, z)
     _failures_below(ax, study, x, z)
     _best(ax, study, x, z)
     describe(ax, entry_label(study.definition.design, study.definition.axes[0].entry), _goal(study))
+    _name(ax.xaxis, study.definition.axes[0])
 
 
 def _panels(figure: Figure, study: Study) -> None:
@@ -96,6 +99,13 @@ def _panels(figure: Figure, study: Study) -> None:
         describe(
             ax, entry_label(study.definition.design, study.definition.axes[k].entry), _goal(study) if k == 0 else ""
         )
+        _name(ax.xaxis, study.definition.axes[k])
+
+
+def _name(line: Any, axis: Axis) -> None:
+    """Names of motors or gears along a line of the figure, in place of numbers."""
+    if axis.names:
+        line.set_ticks(axis.values, axis.names)
 
 
 def _by_limit(ax: Axes, study: Study, x: np.ndarray, y: np.ndarray, size: float = 8) -> None:
@@ -154,6 +164,8 @@ def _map(figure: Figure, study: Study) -> None:
         _best(ax, study, x, y)
     first, second = (entry_label(study.definition.design, axis.entry) for axis in study.definition.axes)
     describe(ax, first, second, _goal(study))
+    for line, axis in zip((ax.xaxis, ax.yaxis), study.definition.axes, strict=True):
+        _name(line, axis)
     ax.grid(False)
 
 

@@ -21,18 +21,23 @@ MOST_POINTS = 100_000  # points of a study
 LARGEST_VALUE = 1e15  # of a value; no entry of a problem comes near
 COUNT = re.compile(r"0*[1-9]\d*", re.ASCII)
 SAMPLINGS = "lhs:40 (Latin hypercube) or sobol:64"
-HOW_TO_VARY = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100 (motors and gears by name: hopopt choose)"
+HOW_TO_VARY = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100 or leg.motor=unitree-go2,mini-cheetah"
+DRIVE = re.compile(r"leg\.(\w+\.)?(motor|gear)", re.ASCII)  # an entry that takes names of the catalogue
 FORMAT = 3  # of the study's folder
 
 
 @dataclass(frozen=True)
 class Axis:
-    """An entry that is varied: over ``values``, or between ``lower`` and ``upper`` if points are to be sampled."""
+    """An entry that is varied: over ``values``, or between ``lower`` and ``upper`` if points are to be sampled.
+
+    names: motors or gears of the catalogue, which ``values`` number from 0
+    """
 
     entry: str
     values: tuple[float, ...] = ()
     lower: float = 0.0
     upper: float = 0.0
+    names: tuple[str, ...] = ()
 
     @property
     def range(self) -> tuple[float, float]:
@@ -79,6 +84,15 @@ class Definition:
         """The varied entries at point k."""
         return {axis.entry: float(x) for axis, x in zip(self.axes, self.points[k], strict=True)}
 
+    def stated(self, values: Mapping[str, float]) -> dict[str, float | str]:
+        """Values of entries as a problem states them: of a motor or a gear its name."""
+        names = {a.entry: a.names for a in self.axes if a.names}
+        return {entry: names[entry][round(x)] if entry in names else x for entry, x in values.items()}
+
+    def words(self, values: Mapping[str, float]) -> str:
+        """Values of entries in words: "leg.motor = mini-cheetah, leg.gear.ratio = 60"."""
+        return ", ".join(f"{e} = {x if isinstance(x, str) else f'{x:g}'}" for e, x in self.stated(values).items())
+
     def design_at(self, k: int) -> Design:
         """The problem of point k; ProblemFileError, with a sentence for each fault, if there is no such problem."""
         return self.design_with(self.values(k))
@@ -86,10 +100,10 @@ class Definition:
     def design_with(self, values: Mapping[str, float]) -> Design:
         """The problem with other values of some entries; ProblemFileError if there is none."""
         entries: dict[str, Any] = {}
-        for entry, x in values.items():
+        for entry, x in self.stated(values).items():
             path, index = place(entry)
             if index is None:
-                entries[path] = round(x) if whole_number(self.design, path) else x
+                entries[path] = round(x) if not isinstance(x, str) and whole_number(self.design, path) else x
             else:
                 listed = list(entries.get(path, values_of(self.design)[path]))
                 listed[index] = x
@@ -116,7 +130,11 @@ class Definition:
     def as_dict(self) -> dict[str, Any]:
         """For JSON, and to tell two studies apart."""
         axes = [
-            {"entry": a.entry, "values": list(a.values)} if a.values else {"entry": a.entry, "range": list(a.range)}
+            {"entry": a.entry, "names": list(a.names)}
+            if a.names
+            else {"entry": a.entry, "values": list(a.values)}
+            if a.values
+            else {"entry": a.entry, "range": list(a.range)}
             for a in self.axes
         ]
         return {
@@ -171,6 +189,8 @@ def axis(entry: str, given: Any, sampled: bool) -> Axis:
     """One varied entry from what was given for it."""
     if isinstance(given, Mapping):
         raise UsageError(f"--vary {shown_path(entry)}: {HOW_TO_VARY}")
+    if DRIVE.fullmatch(entry) and not sampled:
+        return _named(entry, given)
     ranged = isinstance(given, str) and ":" in given
     parts = (given.split(":") if ranged else given.split(",")) if isinstance(given, str) else np.ravel(given).tolist()
     numbers = [_number(entry, part) for part in parts]
@@ -183,6 +203,15 @@ def axis(entry: str, given: Any, sampled: bool) -> Axis:
     if len(set(numbers)) < len(numbers) or not numbers:
         raise UsageError(f"--vary {shown_path(entry)}: each value once, please; {HOW_TO_VARY}")
     return Axis(entry, tuple(numbers))
+
+
+def _named(entry: str, given: Any) -> Axis:
+    """Motors or gears by their names."""
+    listed = given.split(",") if isinstance(given, str) else np.ravel(given).tolist()
+    names = tuple(str(name).strip() for name in listed)
+    if not names or len(set(names)) < len(names):
+        raise UsageError(f"--vary {entry}: each name once, please; hopopt actuators lists them")
+    return Axis(entry, tuple(map(float, range(len(names)))), names=names)
 
 
 def _spaced(entry: str, numbers: list[float]) -> list[float]:
@@ -245,6 +274,9 @@ def check_entry(design: Design, a: Axis) -> None:
     if type(value) is int and any(x != round(x) for x in a.values):
         raise UsageError(f"--vary {a.entry}: it takes whole numbers only")
     try:
-        changed(design, {path: None} if index is not None else {path: value if value is not None else a.range[0]})
+        for name in a.names:
+            changed(design, {path: name})
+        if not a.names:
+            changed(design, {path: None} if index is not None else {path: value if value is not None else a.range[0]})
     except ProblemFileError as error:
         raise UsageError(f"--vary: {error.problems[0].removeprefix('override ')}") from None

@@ -19,7 +19,7 @@ from hopopt.files import remove_abandoned
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.objectives.registry import find
 from hopopt.studies.faults import kept
-from hopopt.studies.sweep.definition import Definition
+from hopopt.studies.sweep.definition import DRIVE, Definition
 from hopopt.studies.sweep.order import doubtful, sources
 from hopopt.studies.sweep.point import Neighbour, solve_again, solve_point
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_VERIFIED, Point
@@ -56,7 +56,7 @@ class Study:
 
     def __repr__(self) -> str:
         entries, verified = (axis.entry for axis in self.definition.axes), sum(p.verified for p in self.points)
-        best = "" if self.best is None else f", best at {dict(self.best.values)}"
+        best = "" if self.best is None else f", best at {self.definition.words(self.best.values)}"
         over = f"over {', '.join(entries)}"
         return f"<Study of {self.definition.design.name} {over}: {verified} of {len(self.points)} verified{best}>"
 
@@ -75,7 +75,7 @@ class Study:
         ends = [
             f"{entry} at the {'least' if x == values.min() else 'most'}"
             for (entry, x), values in zip(best.values.items() if best else (), tried if best else (), strict=True)
-            if x in (values.min(), values.max()) and values.min() < values.max()
+            if not DRIVE.fullmatch(entry) and x in (values.min(), values.max()) and values.min() < values.max()
         ]
         return f"{' and '.join(ends)} that was tried: better may lie beyond" if ends else ""
 
@@ -101,7 +101,7 @@ class Study:
         """What ``--json`` prints."""
         return {
             "definition": self.definition.as_dict(),
-            "points": [p.as_dict() for p in self.points],
+            "points": [p.as_dict() | {"values": self.definition.stated(p.values)} for p in self.points],
             "outcomes": dict(Counter(p.outcome for p in self.points)),
             "failures": [{"index": p.index, "outcome": p.outcome, "sentence": p.sentence} for p in self.failures],
             "best": self.best.index if self.best else None,

@@ -6,6 +6,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.problem.render import rows
+from hopopt.studies.sweep.definition import Axis
 from hopopt.studies.sweep.point_file import Point
 from hopopt.studies.sweep.run import Study
 
@@ -34,6 +35,12 @@ def entry_unit(design: Design, entry: str) -> str:
     """The unit of an entry of a problem; empty for a number without one."""
     unit = {row.path: row.unit for row in rows(design)}.get(entry.partition("[")[0], "")
     return "" if unit == "1" else unit
+
+
+def axis_label(design: Design, axis: Axis) -> str:
+    """An entry with its unit, or with the names that its values number."""
+    names = ", ".join(f"{x:g} {name}" for x, name in zip(axis.values, axis.names, strict=False))
+    return f"{axis.entry}: {names}" if names else entry_label(design, axis.entry)
 
 
 def entry_label(design: Design, entry: str) -> str:

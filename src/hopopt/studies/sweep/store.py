@@ -62,7 +62,7 @@ def read_definition(folder: Path) -> Definition:
     try:
         data = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
         note_needed(module["module"] for module in data.get("extensions", ()))
-        vary = {a["entry"]: a.get("values") or a["range"] for a in data["axes"]}
+        vary = {a["entry"]: a.get("names") or a.get("values") or a["range"] for a in data["axes"]}
         more = {name: data[name] for name in ("objective", "sample", "seed", "starts")}
         more["preliminary"] = bool(data.get("preliminary"))
         design, listed = load(folder / "problem.toml", without_modules=True), tuple(map(tuple, data.get("listed", ())))
@@ -179,7 +179,7 @@ def table(definition: Definition, points: Sequence[Point]) -> str:
     for p in points:
         row = [
             p.index,
-            *p.values.values(),
+            *definition.stated(p.values).values(),
             p.outcome,
             *(_figure(p, name) for name in (*COLUMNS, *HEIGHT_PARTS)),
             p.sentence,
@@ -213,7 +213,7 @@ def dataset(definition: Definition, points: Sequence[Point]) -> "xr.Dataset":
         variables[name] = (dims, column, {"units": units.get(name, "m")})
     for name in ("outcome", "sentence"):
         variables[name] = (dims, np.array([getattr(p, name, "") for p in every]).reshape(size))
-    along = {a.entry: list(a.values) for a in definition.axes} if shape else {}
+    along = {a.entry: list(a.names or a.values) for a in definition.axes} if shape else {}
     rows = definition.points[[p.index for p in points]]
     coords: dict[str, Any] = along or {e: ("point", rows[:, k]) for k, e in enumerate(entries)}
     coords |= {
