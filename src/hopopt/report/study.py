@@ -59,7 +59,8 @@ def study_page(folder: Path) -> str:
         outcomes=Counter(p.outcome for p in study.points if not p.verified), marks=MARKS, best=study.best,
         points=listed, reasons=[p for p in listed if not p.verified], left_out=len(ranked) - len(listed),
         goal=goal if other else None, not_drawn=len(ranked) - len(_drawn(study)),
-        stated=study.definition.stated, entries=entries, units={e: entry_unit(study.definition.design, e) for e in entries}, no_limit=NO_LIMIT,
+        by_name=study.definition.stated, entries=entries,
+        units={e: entry_unit(study.definition.design, e) for e in entries}, no_limit=NO_LIMIT,
     )  # fmt: skip
 
 
