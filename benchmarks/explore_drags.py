@@ -8,6 +8,7 @@ answer of ``hopopt solve`` stands beside the page's.
 
 import argparse
 import random
+import resource
 import time
 from pathlib import Path
 
@@ -18,7 +19,14 @@ from hopopt.live.desk import Desk
 from hopopt.planner.solve import solve
 from hopopt.problem.load import changed, load
 
-ENTRIES = ["leg.gear.ratio", "leg.motor.max_torque", "leg.body.mass", "leg.shank.length"]
+ENTRIES = [
+    "leg.gear.ratio", "leg.motor.max_torque", "leg.body.mass", "leg.shank.length", "contact.friction=0.3:1.0",
+]  # fmt: skip
+
+
+def resident() -> float:
+    """Resident size of this process [MB], on Linux."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
 
 
 def main() -> None:
@@ -42,6 +50,7 @@ def main() -> None:
         list[float](),
         list[tuple[dict[str, float], float]](),
     )
+    sizes = list[float]()
     for _ in range(asked.drags):
         s = rng.choice(sliders)
         values = own | {s.entry: s.checked(rng.uniform(s.low, s.high))}
@@ -49,6 +58,7 @@ def main() -> None:
         found = bench.at(values)
         walls.append(time.perf_counter() - wall)
         cpus.append(time.process_time() - cpu)
+        sizes.append(resident())
         if found.outcome == PRELIMINARY and found.value is not None:
             hops.append((values, found.value))
     for name, times in (("wall", walls), ("processor", cpus)):
@@ -56,6 +66,9 @@ def main() -> None:
             f"{asked.drags} drags, {name} time: median {np.median(times):.2f} s, 95 % within {np.quantile(times, 0.95):.2f} s"
         )
     print(f"{len(hops)} have a hop")
+    print(
+        f"resident size: {sizes[(len(sizes) - 1) // 5]:.0f} MB after a fifth of the drags, {sizes[-1]:.0f} MB at the end"
+    )
     for values, value in rng.sample(hops, min(asked.solved, len(hops))):
         answer = solve(changed(bench.design, values), processes=1)
         told = ", ".join(f"{entry} {x:.4g}" for entry, x in values.items() if x != own[entry])

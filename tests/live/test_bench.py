@@ -7,6 +7,7 @@ import pytest
 from hopopt import load, solve
 from hopopt.live.bench import IMPOSSIBLE, PRELIMINARY, Bench
 from hopopt.live.desk import Desk
+from hopopt.live.sliders import added_mass
 from hopopt.problem.load import changed
 
 pytestmark = pytest.mark.slow
@@ -54,6 +55,9 @@ def test_another_motor_brings_its_numbers(bench: Bench) -> None:
     own = {s.entry: s.value for s in bench.sliders}
     taken = {s.entry: s.value for s in bench.choose({"leg.motor": "maxon-ec45-250"})}
     assert taken["leg.motor.max_torque"] == load("paper", ["leg.motor=maxon-ec45-250"]).leg.motor.max_torque
+    assert taken["leg.body.mass"] == pytest.approx(
+        own["leg.body.mass"] + added_mass(load("paper"), {"leg.motor": "maxon-ec45-250"})
+    )
     assert {s.entry: s.value for s in bench.choose({})} == own
 
 
@@ -64,8 +68,8 @@ def test_the_kinds_of_hop_that_a_search_finds_are_learnt_once(tmp_path: Path) ->
     values, desk = {s.entry: s.value for s in bench.sliders}, Desk(load("paper"), "clearance", tmp_path, 2)
     before, found = bench.at(values), desk.search(values)
     assert len(found[0]) > 1
-    assert not bench.learn(values, *found)
-    assert not bench.learn(values, *found)
+    assert not bench.learn(values, *found).better
+    assert bench.learn(values, *found).new == 0
     after = bench.at(values)
     assert after.value == pytest.approx(before.value, rel=3e-4)
     assert len({known for known in bench._known[-1].families if known}) == len(found[0])

@@ -4,7 +4,8 @@ import pytest
 
 from hopopt import load
 from hopopt.errors import UsageError
-from hopopt.live.sliders import COUNT, most_rewarding, named
+from hopopt.live.sliders import COUNT, SUPPLY, added_mass, most_rewarding, named, places_of_parts
+from hopopt.problem.catalogue import catalogue
 
 
 def test_a_range_goes_from_half_to_twice_the_value_or_as_it_is_given() -> None:
@@ -47,3 +48,27 @@ def test_the_most_rewarding_come_first() -> None:
     )
     assert [s.entry for s in found] == ["leg.body.mass", "leg.gear.ratio"]
     assert len(found) <= COUNT
+
+
+def test_a_supply_that_the_problem_states_has_sliders() -> None:
+    design = load("paper", ["leg.supply.voltage=48", "leg.supply.internal_resistance=0.1"])
+    found = most_rewarding(design, {"leg.body.mass": -1.0})
+    assert [s.entry for s in found] == ["leg.body.mass", *SUPPLY]
+
+
+def test_joints_with_drives_of_their_own_have_choices_of_their_own() -> None:
+    assert places_of_parts(load("paper").leg) == ["leg.motor", "leg.gear"]
+    own = load("paper", ["leg.knee.motor=maxon-ec45-250"])
+    assert places_of_parts(own.leg) == ["leg.motor", "leg.gear", "leg.knee.motor"]
+
+
+def test_the_body_carries_what_the_chosen_drives_of_all_its_legs_weigh_more() -> None:
+    """From one drive that the catalogue states to another: both joints of two legs, their masses from the catalogue."""
+    ours, theirs = "cubemars-ak70-10", "cubemars-ak80-9"
+    design = load("paper", [f"leg.motor={ours}", f"leg.gear={ours}", "leg.body.legs=2"])
+    lighter, heavier = (catalogue()[name] for name in (ours, theirs))
+    mass = [e.module_mass or sum(e.masses.values()) for e in (lighter, heavier)]
+    more = added_mass(design, {"leg.motor": theirs, "leg.gear": theirs})
+    assert more == pytest.approx(2 * 2 * (mass[1] - mass[0]))
+    assert more != 0
+    assert added_mass(design, {}) == 0

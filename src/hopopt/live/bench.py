@@ -11,7 +11,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.live.picture import picture
-from hopopt.live.sliders import Slider, most_rewarding, named, per_percent
+from hopopt.live.sliders import BODY, Slider, added_mass, most_rewarding, named, per_percent
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.compiled import compiling
 from hopopt.nlp.solver.ipopt import NlpSolution
@@ -168,10 +168,14 @@ class Bench:
 
     def choose(self, choices: Mapping[str, str]) -> list[Slider]:
         """Take parts of the catalogue, by their places in the problem (none: as the problem has them); the sliders, which
-        stand where the parts' numbers are."""
-        self.design = changed(self._own, choices) if choices else self._own
-        values = values_of(self.design)
-        taken = [s for s in self._own_sliders if isinstance(values.get(s.entry), (int, float))]
+        stand where the parts' numbers are, and that of the body's mass, which follows them."""
+        mass = values_of(self._own).get(BODY)
+        follows = {} if mass is None or not choices else {BODY: mass + added_mass(self._own, choices)}
+        self.design = changed(self._own, {**choices, **follows}) if choices else self._own
+        values, sliders = values_of(self.design), {s.entry: s for s in self._own_sliders}
+        if follows and BODY not in sliders:
+            sliders |= {s.entry: s for s in named(self.design, [BODY])}
+        taken = [s for s in sliders.values() if isinstance(values.get(s.entry), (int, float))]
         self.sliders = [s.about(float(values[s.entry])) for s in taken]
         last = self._known[-1]
         at = {s.entry: s.value for s in self.sliders}

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from math import isnan, nan
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hopopt.design import Design
 from hopopt.errors import UsageError
@@ -20,11 +20,10 @@ from hopopt.live.desk import Desk
 from hopopt.live.map import Cell, LiveMap
 from hopopt.live.orders import Orders
 from hopopt.live.processes.worker import Failed, Left, Stopped, Worker
-from hopopt.live.sliders import Slider, named
+from hopopt.live.sliders import BODY, Slider, added_mass, named, places_of_parts
 from hopopt.live.tried import Asked, Designs, told
 from hopopt.ocp.objectives.registry import find
 from hopopt.problem.catalogue import catalogue, with_part
-from hopopt.problem.catalogue_facts import KINDS
 from hopopt.studies.maps.warm import Carried
 
 REST = 1.0  # s without a change after which a design is verified
@@ -57,8 +56,7 @@ class Session:
         self.asked, self._number, self._solved = Asked({}, {}), 0, -1
         self.found: Found | None = None  # of what was solved last
         self.picture: Mapping[str, Any] | None = None  # of the last hop
-        self.designs = Designs()
-        self.map: LiveMap | None = None
+        self.designs, self.map = Designs(), cast("LiveMap | None", None)
         self.busy, self.said, self.fault, self._lasts = "starting", "", "", False
         self._changed = asyncio.Event()
         self._rest: asyncio.TimerHandle | None = None
@@ -84,6 +82,8 @@ class Session:
             raise UsageError(f"{path:.80}: {name:.80} is not in the catalogue")
         choices = {p: n for p, n in {**self.asked.choices, path: name}.items() if n != OWN}
         own = {entry: x for entry, x in self.asked.values.items() if not entry.startswith(f"{path}.")}
+        if BODY in own:
+            own[BODY] += added_mass(self._design, choices) - added_mass(self._design, self.asked.choices)
         self._ask(Asked(own, choices))  # its numbers are the part's
 
     def undo(self) -> None:
@@ -210,8 +210,7 @@ class Session:
         moved = {e for e in self.asked.values if asked.values.get(e) != self.asked.values[e]}
         if self.map is not None and (asked.choices != self.asked.choices or not moved <= set(self.map.entries)):
             self.map = None  # it was of other values
-        self.asked, self._number = asked, self._number + 1
-        self.said = self.said if self._lasts else ""
+        self.asked, self._number, self.said = asked, self._number + 1, self.said if self._lasts else ""
         self.designs.shown, self.busy = None, "solving"
         self._leave_desk()
         if self._bench is not None:
@@ -279,7 +278,8 @@ class Session:
     @property
     def parts(self) -> dict[str, list[str]]:
         """Names of the catalogue that each part of the leg can have, by its place in the problem."""
-        return {f"leg.{part}": sorted(with_part(part, catalogue())) for part in KINDS}
+        places = places_of_parts(self._design.leg)
+        return {path: sorted(with_part(path.rpartition(".")[2], catalogue())) for path in places}
 
     @property
     def state(self) -> dict[str, Any]:

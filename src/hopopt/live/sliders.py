@@ -7,14 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import Design
+from hopopt.design import Design, Leg
 from hopopt.errors import UsageError
+from hopopt.problem.catalogue import catalogue
+from hopopt.problem.catalogue_facts import KINDS
+from hopopt.problem.load import changed
 from hopopt.problem.render import rows, shown_path, values_of
+from hopopt.studies.choose.pairs import drives_mass
 from hopopt.studies.sweep.definition import Axis, axis, check_entry, whole_number
 
 COUNT = 10  # sliders, unless entries are named
 LEAST, MOST = 0.5, 2.0  # share of an entry's value that its slider goes down to, and up to
 STEPS = 300  # of a slider's way
+BODY = "leg.body.mass"
+SUPPLY = ("leg.supply.voltage", "leg.supply.internal_resistance")  # have a slider wherever the problem states them
 WHOLE = 1.0  # step of whole numbers alone: no other slider has it
 
 
@@ -89,7 +95,25 @@ def most_rewarding(design: Design, per_unit: Mapping[str, float]) -> list[Slider
     """Sliders of the entries of which a change by the same share changes the objective most; ``per_unit``: its derivatives."""
     gains = per_percent(design, per_unit)
     ranked = sorted((entry for entry, gain in gains.items() if gain), key=lambda entry: -abs(gains[entry]))
-    return [_slider(design, entry, None) for entry in ranked[:COUNT]]
+    values = values_of(design)
+    supply = [entry for entry in SUPPLY if values.get(entry) and entry not in ranked[:COUNT]]
+    return [_slider(design, entry, None) for entry in (*ranked[:COUNT], *supply)]
+
+
+def places_of_parts(leg: Leg) -> list[str]:
+    """Where a motor or a gear stands in the problem: the leg's, and those of joints that have their own."""
+    own = {part: [joint for joint in leg.joints if getattr(leg.joint[joint], part) is not None] for part in KINDS}
+    common = [f"leg.{part}" for part in KINDS if len(own[part]) < len(leg.joints)]
+    return common + [f"leg.{joint}.{part}" for part in KINDS for joint in own[part]]
+
+
+def added_mass(design: Design, choices: Mapping[str, str]) -> float:
+    """What the body weighs more with other motors and gears than the problem has [kg], as ``hopopt choose`` counts it."""
+    if not choices:
+        return 0.0
+    leg, entries = design.leg, catalogue()
+    now, then = (drives_mass(one, one.joints, entries)[0] for one in (leg, changed(design, choices).leg))
+    return (leg.body.legs or 1) * (then - now)
 
 
 def _slider(design: Design, entry: str, ends: tuple[float, float] | None) -> Slider:

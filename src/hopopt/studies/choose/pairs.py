@@ -263,11 +263,19 @@ def drives(
         raise UsageError("--legs must be at least 1, and --present-mass between 0 and 1000 kg")
     if present is not None:
         return Drives(design, chosen, legs, present, "as --present-mass says", entries)
-    found = [_present(design.leg, joint, entries) for joint in chosen]
-    words = "as the catalogue states"
-    if not all(known for _, known in found):
-        words = "by the catalogue's fit of mass to torque; --present-mass says otherwise"
-    return Drives(design, chosen, legs, sum(mass for mass, _ in found), words, entries)
+    mass, stated = drives_mass(design.leg, chosen, entries)
+    words = (
+        "as the catalogue states"
+        if stated
+        else "by the catalogue's fit of mass to torque; --present-mass says otherwise"
+    )
+    return Drives(design, chosen, legs, mass, words, entries)
+
+
+def drives_mass(leg: Leg, joints: Sequence[str], entries: Mapping[str, Entry]) -> tuple[float, bool]:
+    """Mass of the present motors and gears of some joints [kg], and whether the catalogue states it; else by its fit."""
+    found = [_present(leg, joint, entries) for joint in joints]
+    return sum(mass for mass, _ in found), all(stated for _, stated in found)
 
 
 def _present(leg: Leg, joint: str, entries: Mapping[str, Entry]) -> tuple[float, bool]:
