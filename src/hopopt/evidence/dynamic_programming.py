@@ -45,6 +45,10 @@ def reduced(design: Design) -> Design:
     refuse_landed(design, "dynamic programming")
     if not two_joints(design.leg):
         raise UsageError(f"{design.name}: the reduced hop needs a leg of two joints in the x-z plane")
+    if not design.leg.direct:
+        raise UsageError(
+            f"{design.name}: the reduced hop has drives that turn as their joints do: leave out transmissions"
+        )
     if design.surroundings.slope:
         raise UsageError(f"{design.name}: the reduced hop is one on level ground: leave out environment.slope")
     height = float(start_place(design)[1])

@@ -119,6 +119,10 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
         raise UsageError(
             f"{design.name}: only legs on x and z guides whose joints all turn about the y axis are identified"
         )
+    if not design.leg.direct:
+        raise UsageError(
+            f"{design.name}: legs are identified whose drives turn as their joints do: leave out transmissions"
+        )
     unknowns = unknowns_of(design)
     wrong = [key for key in known if key not in [u.key for u in unknowns]]
     if wrong:

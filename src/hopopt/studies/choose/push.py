@@ -37,10 +37,10 @@ def push(definition: Definition, point: MapPoint, x: np.ndarray) -> Push:
     t = first_program(definition, hop, point.values, NEVER, WARM)[0]
     plan = Motion(hop.design, definition.objective, t.unpack(x / t.scale, t.parameter_values())[0])
     s = plan.everywhere(STANCE, PLACES)
-    power, speed = s.tau * s.v[:, BASE:], s.v[:, BASE:]
+    power = s.tau * s.v[:, BASE:]
     at = s.t
     energy = float(np.trapezoid(np.maximum(power, 0.0).sum(axis=1), at))
-    return Push(energy, float(power.sum(axis=1).max()), _exhausted(hop, s.tau, speed, power.sum(axis=1)))
+    return Push(energy, float(power.sum(axis=1).max()), _exhausted(hop, s.command, s.w, power.sum(axis=1)))
 
 
 def _exhausted(hop: Hop, tau: np.ndarray, w: np.ndarray, power: np.ndarray) -> str:
