@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -29,6 +30,7 @@ from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Objective, Phase, Problem, State
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from hopopt.robot_data.leg_momenta import LegMomenta
 from hopopt.sim.ground import contact, planar
 from hopopt.sim.ground.stops import Stops
 from hopopt.sim.machine import Machine
@@ -162,6 +164,21 @@ def test_a_mass_on_a_spring_with_limited_force() -> None:
     trajectory = solution.phases["swing"]
     assert trajectory.duration == pytest.approx(T, rel=1e-6)
     assert trajectory.x_end[1] == pytest.approx(W * np.sin(W * T) * (rest - start), rel=1e-6)
+
+
+def test_a_log_is_identified_with_the_torque_of_springs() -> None:
+    """d(T - V)/dq of the leg, on the ground and in flight, with and without them: the corner of one is rounded."""
+    slack = {"stiffness": 30, "rest_angle": 0.2, "acts": "above"}
+    with_, without = (
+        load("paper", [*KNEE, *(f"leg.spring.hip.{name}={value}" for name, value in slack.items())]),
+        load("paper"),
+    )
+    angles = np.array([[0.4, -1.7], [0.25, -0.6]])
+    for contact_ in (True, False):
+        s: Any = SimpleNamespace(t=np.zeros(2), q=angles, v=np.ones((2, 2)), contact=np.full(2, contact_))
+        added = LegMomenta(with_).at(s, np.ones(5))[0] - LegMomenta(without).at(s, np.ones(5))[0]
+        expected = [build_robot(with_.leg).springs.torques(list(q)) for q in angles]
+        np.testing.assert_allclose(added, np.hstack([np.zeros((2, 2)), expected, np.zeros((2, 2))]), atol=1e-9)
 
 
 def test_mujoco_has_the_springs_of_its_file() -> None:

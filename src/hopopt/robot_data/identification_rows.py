@@ -1,7 +1,7 @@
 """The equations of a leg's motion over short windows of a log: what a least-squares fit of its parameters makes small.
 
 Nothing is differentiated twice. Let T be the kinetic energy and V the potential energy of the leg in the joints alone:
-in stance with the foot held; in flight relative to the centre of mass, which falls freely, so that V does not act. With
+in stance with the foot held; in flight relative to the centre of mass, which falls freely, so that of V only springs act. With
 p = dT/dv and F = d(T - V)/dq, Lagrange's equations are dp/dt = F + tau_net, where
 
     tau_net = A a + k (g tau - A a - c sign(v) - d v),    k = eta where the gear drives, 1 / eta where it brakes.

@@ -1,7 +1,7 @@
 """Generalised momenta of a leg at the samples of a log, as functions of its masses and its rotors' inertia.
 
 p = dT/dv, F = d(T - V)/dq and the linear momentum P of ``identification_rows``: T is the kinetic energy and V the potential
-energy of the leg in the joints alone.
+energy of the leg in the joints alone, springs beside the drives counted.
 """
 
 from dataclasses import replace
@@ -45,7 +45,8 @@ class LegMomenta:
         energy = 0.5 * ca.dot(speed, momentum)
         if contact:
             energy += sum(body.mass for body in leg.bodies) * ca.dot(self.gravity, leg.points(whole)["com"])
-        y = ca.vertcat(ca.gradient(energy, v), ca.gradient(energy, q), momentum[:BASE])
+        force = ca.gradient(energy, q) + ca.vertcat(*leg.springs.torques(ca.vertsplit(q)))
+        y = ca.vertcat(ca.gradient(energy, v), force, momentum[:BASE])
         values = ca.Function("y", [q, v, scales], [y, ca.densify(ca.jacobian(y, scales))])
         motion = ca.Function("dy", [q, v, scales], [ca.densify(ca.jacobian(y, x)) for x in (q, v)])
         return values, motion
