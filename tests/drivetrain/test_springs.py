@@ -76,6 +76,15 @@ def test_a_table_that_falls_gives_a_torque_that_falls() -> None:
     assert np.all(np.diff(law_of(KINDS["table"]).torque(angles)) < 0)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_spring_gives_more_than_the_bound_counts(kind: str) -> None:
+    """Wherever the joint limits let the leg go; and hardly less, from a grid of the knee's angles."""
+    leg = load("paper").leg.model_copy(update={"spring": {"knee": KINDS[kind]}})
+    springs, start, knee = build_robot(leg).springs, [0.5, -2.3], leg.joint["knee"]
+    ends = [float(springs.energy([0.5, angle])) for angle in np.linspace(knee.lower, knee.upper, 997)]
+    assert -1e-12 <= springs.most_given(start, leg) - (springs.energy(start) - min(ends)) < 0.05
+
+
 # ---- the leg's motion ---------------------------------------------------------------------------------------
 
 
