@@ -5,36 +5,46 @@ longer, and so the same drives give more work. How deep is chosen on the believe
 several depths are computed along the plumb line, with the same law and the same clamp. Of the optimum nothing is known here.
 """
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from hopopt.control.draw_up import MARGIN
+from hopopt.control.draw_up import BRAKING, MARGIN, LiftOff
 from hopopt.control.paper_pd import Force
 from hopopt.control.setting import Setting
+from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
 from hopopt.errors import UsageError
 from hopopt.leg.geometry.above import points_above_ground
 from hopopt.leg.kinematics import foot_offset
-from hopopt.leg.scales import Scale
+from hopopt.leg.robot import BASE
+from hopopt.leg.scales import Scale, weight
 from hopopt.sim.controller import Measurement
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.machine import StanceTerms
 
-DEPTHS = 6  # that are tried, evenly from none to all the room there is
-SINKING = 0.5  # share of gravity at which the reference is accelerated downwards, and slowed down again
+DEPTHS = 12  # that are tried, evenly from none to all the room there is
+SINKING = (0.5, 0.8)  # shares of gravity at which the reference is accelerated downwards, and slowed down again
+ENDS = (0.0, 0.5, 1.0, 2.0)  # shares of the weight below which the ground's force ends a push that is tried
+DRAWN_UP = 3  # movements of each end that throw highest, of which flights are computed
 STEP = 2e-3  # [s] on the paper's leg, of a computed push
 IN_TIME = 0.95  # share of the longest stance, within which a computed push ends
 LIGHT = 2.0  # [N] on the paper's leg, below which the ground's force counts as gone: speeds are measured late
 LAST = 1e-3  # share of the leg's reach that a computed push ends below the stretched leg
+SPARED = 0.01  # share of a joint's range before its limit, within which it is to have come to rest
+GRIP = 0.9  # share of the friction cone within which the ground's force is kept, on ideal ground of that of friction 1
+SPEEDS = np.linspace(0.0, 0.99, 100)  # shares of the no-load speed at which ways to rest are computed
 
 
 @dataclass(frozen=True)
-class Sink:
-    """Down by ``depth`` [m] in ``duration`` [s], at rest at both ends, and then up."""
+class Movement:
+    """Down by ``depth`` [m] in ``duration`` [s], at rest at both ends, then up until the ground carries less than
+    the share ``released`` of the weight."""
 
     depth: float
     duration: float
+    released: float = 0.0
 
     def down(self, t: float) -> tuple[float, float, float]:
         """Height over the beginning [m], its rate [m/s] and its acceleration [m/s^2] at a time [s] from its beginning, before its end."""
@@ -47,7 +57,7 @@ class Sink:
 
 
 class CounterMovement(Force):
-    """Down as ``sink`` says, then the paper's force control towards the stretched leg."""
+    """Down as ``movement`` says, then the paper's force control towards the stretched leg."""
 
     def __init__(self, setting: Setting, **gains: Any):
         """gains: options on the paper's leg in place of the printed ones. UsageError where the problem allows no counter-movement."""
@@ -56,37 +66,121 @@ class CounterMovement(Force):
             raise UsageError("hop.counter_movement is false: simulate force_tuck, or leave that entry out")
         self.design, self.pace = setting.design, STEP * Scale.of(self.leg).time
         self.stretched = self.angles(np.inf)
+        self.period = setting.period
         self.watched = points_above_ground(setting.design)
-        self.light = LIGHT * Scale.of(self.leg).force
-        self.sink = self._best()
+        self.light, self.weight = LIGHT * Scale.of(self.leg).force, weight(setting.robot.model)
+        self.grip = GRIP * (1.0 if self.design.contact.friction is None else self.design.contact.friction)
+        window = self.design.simulation.speed_window if self.design.simulation.encoder_bits else 0
+        self.catching_up = setting.period * (np.arange(window) + 0.5) / max(window, 1)
+        self.rates = deque([np.zeros(2)] * window, maxlen=window)  # of the joints in the last periods [rad/s^2]
+        self.ended, self.down = False, True  # whether the push is over, and whether the foot was on the ground
+        self.ways = self._ways_to_rest()
+        self.movement = self._best()
+
+    def torque(self, now: Measurement) -> np.ndarray:
+        """As of the paper's strategies, at speeds as they are now: those measured are means of a few periods, and in these
+        joints gained what the torques that were asked for have given them."""
+        if now.contact and not self.down:  # no torque says what an impact leaves
+            self.rates.extend([np.zeros(2)] * len(self.rates))
+        self.down = now.contact
+        now = replace(now, v=now.v + self.catching_up @ np.reshape(self.rates, (-1, 2)))
+        tau = super().torque(now)
+        given = self.drive.at(now.q).passed(now.v, self.drive.at(now.q).clamp(now.v, tau))
+        q, v = np.concatenate([np.zeros(BASE), now.q]), np.concatenate([np.zeros(BASE), now.v])
+        if now.contact:
+            s = self.machine.stance_terms(now.q, now.v)
+            q, v = s.q, s.v
+        self.rates.append(self.machine.acceleration(q, v, given, now.contact)[BASE:])
+        return tau
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """On the way down the body's height by PD on the reference; then -k_p (theta - theta_des) - k_d theta' at the knee."""
         since = now.t - (self.pushed or 0.0)
         if since < self.settled:
-            self.aim = None
-        if since >= self.sink.duration:
+            self.aim, self.ended = None, False
+        if since >= self.movement.duration:
             return self._risen(now, s)
-        y, rate, rise = self.sink.down(since)
+        y, rate, rise = self.movement.down(since)
         k, d = self.options.plumb_k, self.options.plumb_d
         return self.lifted(s, rise + k * (self.lowest + y - s.q[1]) + d * (rate - s.v[1]))
 
     def _risen(self, now: Measurement, s: StanceTerms) -> np.ndarray:
-        """Torques (n) [N m] of the push; once the ground would have to pull on a leg that rises, those that draw it up."""
-        tau = self.upright(s, self._knee(now.q, now.v))
-        if self.aim is None and s.v[1] > 0 and s.contact_force(self.drive.at(now.q).clamp(now.v, tau))[1] < self.light:
-            self.aim = self._aim(now)
-        return self.drawing_up.torque(now.q, now.v, self.aim.pose) if self.drawing_up and self.aim else tau
+        """Torques (n) [N m] of the push; of a leg that rises, once the push is over, those that draw it up."""
+        tau = self._pushing(s, now.q, now.v)
+        if not self.ended and s.v[1] > 0 and self._over(s, self.drive.at(now.q).clamp(now.v, tau), self.movement):
+            self.aim, self.ended = self._aim(now), True
+        return self._let_go(now, s) if self.ended else tau
 
-    def _knee(self, q: np.ndarray, v: np.ndarray) -> float:
-        """The knee's torque [N m] that is asked for towards the stretched leg (the paper's eq. 10)."""
-        return float((self.options.k_p * (self.stretched - q) - self.options.k_d * v)[1])
+    def _let_go(self, now: Measurement, s: StanceTerms) -> np.ndarray:
+        """Torques (n) [N m] towards the pose that is aimed at; where there is none, or they press the foot down, those that fold the leg."""
+        if self.drawing_up and self.aim:
+            tau = self.drawing_up.torque(now.q, now.v, self.aim.pose)
+            if s.contact_force(self.drive.at(now.q).clamp(now.v, tau))[1] <= 0:
+                return tau
+        return self.upright(s, float(np.copysign(UNBOUNDED, (now.q - self.stretched)[1])))
 
-    def _best(self) -> Sink:
-        """That from which the computed push throws the body highest in the time there is; of equal ones the least deep."""
-        depths = np.unique(np.linspace(0.0, self._room(), DEPTHS))
-        times = np.pi * np.sqrt(depths / (2 * SINKING * self.two_mass.g))
-        return max((Sink(float(d), float(t)) for d, t in zip(depths, times, strict=True)), key=self._thrown)
+    def _pushing(self, s: StanceTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Torques (n) [N m] towards the stretched leg, the body on the plumb line as far as the foot grips."""
+        tau = self.upright(s, float((self.options.k_p * (self.stretched - q) - self.options.k_d * v)[1]))
+        along, up = force = s.contact_force(self.drive.at(q).clamp(v, tau))
+        if abs(along) <= self.grip * up or up <= 0:
+            return tau
+        edge = np.array([1.0, -np.sign(along) * self.grip])
+        by_hip = s.contact_force(tau + np.array([1.0, 0.0])) - s.contact_force(tau)
+        return self.drive.at(q).clamp(v, tau) - np.array([edge @ force / (edge @ by_hip), 0.0])
+
+    def _over(self, s: StanceTerms, tau: np.ndarray, movement: Movement) -> bool:
+        """Whether a push with these torques (n) [N m] has to end: the ground carries too little, or a joint could not be brought
+        to rest before its limit any more."""
+        lets_go = s.contact_force(tau)[1] < max(self.light, movement.released * self.weight)
+        return bool(lets_go or (self._rests_at(s.q[BASE:], s.v[BASE:]) < 0).any())
+
+    def _rests_at(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """How far (n) [rad] before its limit, less SPARED, each joint comes to rest if it is braked from the next period on."""
+        speed, free = np.abs(v), np.where(v > 0, self.upper - q, q - self.lower)
+        way = [np.interp(w, *of_joint, right=np.inf) for w, of_joint in zip(speed, self.ways, strict=True)]
+        return free - SPARED * (self.upper - self.lower) - self.period * speed - np.array(way) / BRAKING
+
+    def _ways_to_rest(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Of every joint speeds (k) [rad/s], and the ways (k) [rad] in which its drive brings it to rest from them in flight."""
+        inertia = np.diag(self.machine.mass_matrix(np.concatenate([np.zeros(BASE), self.stretched])))[BASE:]
+        return [self._way_to_rest(of, of_all) for of, of_all in zip(np.eye(len(inertia)), inertia, strict=True)]
+
+    def _way_to_rest(self, joint: np.ndarray, inertia: float) -> tuple[np.ndarray, np.ndarray]:
+        """Of the joint that is 1 in ``joint`` (n), up to a speed from which its whole range would not do."""
+
+        def strength(speed: float) -> float:
+            return abs(float(self.drive.at(self.stretched).clamp(speed * joint, -UNBOUNDED * joint) @ joint))
+
+        whole = np.sqrt(2 * strength(0.0) * float((self.upper - self.lower) @ joint) / inertia)
+        speeds = SPEEDS * min(float(whole), float(self.no_load[joint.argmax()]))
+        slope = np.array([w * inertia / strength(w) if strength(w) else np.inf for w in speeds])
+        return speeds, np.concatenate([[0.0], np.cumsum(np.diff(speeds) * (slope[1:] + slope[:-1]) / 2)])
+
+    def _best(self) -> Movement:
+        """That from which the computed leg clears most in the time there is, of those that throw it highest. An end of the push counts
+        by the least of these, for in the plant none is met exactly. Of equal movements the least deep."""
+        shares = [(d, w) for d in np.linspace(0.0, self._room(), DEPTHS) for w in (SINKING if d else SINKING[:1])]
+        sinks = [(float(d), float(np.pi * np.sqrt(d / (2 * w * self.two_mass.g)))) for d, w in shares]
+        ends = []
+        for released in ENDS:
+            thrown = {movement: self._thrown(movement) for movement in (Movement(*sink, released) for sink in sinks)}
+            highest = sorted(thrown, key=lambda movement: -self._rise(thrown[movement]))[:DRAWN_UP]
+            ends.append({movement: self._cleared(thrown[movement]) for movement in highest})
+        best = max(ends, key=lambda cleared: min(cleared.values()))
+        return max(best, key=lambda movement: best[movement])
+
+    def _rise(self, off: LiftOff) -> float:
+        """How high the centre of mass comes [m]."""
+        height = self.machine.points(self.machine.stance_terms(off.q, off.v).q)["com"][1]
+        return float(height + max(off.rising, 0.0) ** 2 / (2 * self.two_mass.g))
+
+    def _cleared(self, off: LiftOff) -> float:
+        """How high the lowest point comes [m] as the leg is drawn up; the centre of mass, where it is not."""
+        if self.drawing_up is None:
+            return self._rise(off)
+        aim = self.drawing_up.aim(off)
+        return aim.height if aim else 0.0
 
     def _room(self) -> float:
         """How far the leg may go down from the start on the plumb line [m]: joint limits, and heights above the ground."""
@@ -105,24 +199,23 @@ class CounterMovement(Force):
         low = min((points[point][1] for point in self.watched), default=np.inf)
         return abs(x) + abs(z + length) < LAST * length and low >= self.design.hop.least_height
 
-    def _thrown(self, sink: Sink) -> float:
-        """How high the centre of mass comes [m] after a push as computed from the bottom."""
+    def _thrown(self, movement: Movement) -> LiftOff:
+        """The leg after a push as computed from the bottom."""
         stretched = float(-foot_offset(self.leg, self.stretched)[1])
-        y, rate, t = self.lowest - sink.depth, 0.0, sink.duration
+        y, rate, t = self.lowest - movement.depth, 0.0, movement.duration
         while t < IN_TIME * self.design.hop.stance_duration[1] and y < (1 - LAST) * stretched:
             q, v = self.with_rates(y, rate)
             s = self.machine.stance_terms(q, v)
-            tau = self.drive.at(q).clamp(v, self.upright(s, self._knee(q, v)))
+            tau = self.drive.at(q).clamp(v, self._pushing(s, q, v))
             a = s.acceleration(tau)
-            if s.contact_force(tau)[1] < 0:
+            if rate > 0 and self._over(s, tau, movement):
                 break
             rise = -float((s.jacobian @ a + s.drift)[1])
             y, rate, t = y + self.pace * (rate + self.pace * rise / 2), rate + self.pace * rise, t + self.pace
         s = self.machine.stance_terms(*self.with_rates(y, rate))
-        height, speed = self.machine.points(s.q)["com"][1], self.machine.com_velocity(s.q, s.v)[1]
-        return float(height + max(speed, 0.0) ** 2 / (2 * self.two_mass.g))
+        return LiftOff(s.q[BASE:], s.v[BASE:], float(self.machine.com_velocity(s.q, s.v)[1]))
 
     def limited_by(self, hop: HopFigures) -> str:
         """What held a hop down, in words; empty where there is none."""
         words = super().limited_by(hop)
-        return words and f"goes down {self.sink.depth:.3f} m first; {words}"
+        return words and f"goes down {self.movement.depth:.3f} m first; {words}"
