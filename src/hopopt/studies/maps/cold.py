@@ -31,7 +31,7 @@ SETTLED = {  # an optimum that is approached so slowly is settled, within 1e-3 o
 HOPELESS = GENTLE_OPTIONS | {"ipopt.max_resto_iter": 15}
 COLD = HOPELESS | SETTLED | {"ipopt.tol": TOLERANCE, "ipopt.max_iter": ITERATIONS}
 STARTS = 2  # of the problem
-FINER = 3  # times as many intervals of flight: on the first mesh that is what a map is off by
+FINER = 2  # times as many intervals: of a map most is off by what they smear, in stance or in flight
 FAR = 0.75  # share of the value that a list asks for: where the first start ends below it no other is tried
 
 
@@ -66,11 +66,15 @@ def from_starts(hop: Hop, solver: NlpSolver, wish: float = 0.0) -> Iterator[NlpS
 def finer_value(definition: Definition, point: Point, x: np.ndarray, until: Deadline) -> float | None:
     """The objective of a point's hop, of its variables x [SI] on the first mesh, on a finer one that all points share; None
     where that leads nowhere."""
-    settings = {"solver.flight_intervals": FINER * definition.design.solver.flight_intervals}
+    s = definition.design.solver
+    settings = {
+        "solver.stance_intervals": FINER * s.stance_intervals,
+        "solver.flight_intervals": FINER * s.flight_intervals,
+    }
     finer = replace(definition, design=changed(definition.design, settings))
     t = cold_program(
         definition, Hop(definition.design_at(point.index), definition.objective), point, until
     ).transcription
     solver = cold_program(finer, Hop(finer.design_at(point.index), finer.objective), point, until)
-    s = settled(solver, solver(solver.transcription.guess_from(t.unpack(x / t.scale, t.parameter_values())[0])))
-    return s.value if s.success else None
+    found = settled(solver, solver(solver.transcription.guess_from(t.unpack(x / t.scale, t.parameter_values())[0])))
+    return found.value if found.success else None
