@@ -197,7 +197,7 @@ def axis(entry: str, given: Any, sampled: bool) -> Axis:
     if sampled:
         if len(numbers) != 2 or not numbers[0] < numbers[1]:
             raise UsageError(f"--vary {shown_path(entry)}: with a sample write lower:upper, the lower first")
-        return Axis(entry, (), *numbers)
+        return Axis(entry, (), numbers[0], numbers[1])
     if ranged:
         numbers = _spaced(entry, numbers)
     if len(set(numbers)) < len(numbers) or not numbers:
