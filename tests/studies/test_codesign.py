@@ -491,7 +491,7 @@ def test_a_link_cannot_get_shorter_than_its_centre_of_mass_is_far(free: dict[str
 def test_lengths_of_a_leg_with_shapes_are_not_free() -> None:
     shaped = ho.load("paper", ["leg.thigh.radius=0.03"])
     with pytest.raises(UsageError, match=r"--free leg\.thigh\.length: shapes do not follow a free length: sweep it"):
-        ho.codesign(shaped, {"leg.thigh.length": (0.3, 0.4)})
+        ho.solve(shaped, free={"leg.thigh.length": (0.3, 0.4)})
 
 
 def test_couplings_need_freedom(capfd: pytest.CaptureFixture[str]) -> None:
