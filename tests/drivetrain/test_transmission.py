@@ -6,16 +6,22 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from tests.once import solved_once
 
+from hopopt.compiled.kernel import packed
 from hopopt.control.closed_loop import make_plant
+from hopopt.control.setting import Setting
 from hopopt.design import Leg, physical_parameters
-from hopopt.drivetrain.transmission import drive_angle, ratios
+from hopopt.drivetrain.kernels import own_ratio
+from hopopt.drivetrain.transmission import drive_angle, numbers, ratios
 from hopopt.errors import ProblemFileError
+from hopopt.export.plan import columns, samples_at_control_rate
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.scales import stall_torques
+from hopopt.planner.reserve import TrackedPlan
 from hopopt.problem.load import load
 from hopopt.sim import mujoco
 from hopopt.sim.ground.rough_ground import RoughGround
@@ -71,8 +77,12 @@ def test_a_table_of_ratios_is_followed_by_a_monotone_spline_level_outside() -> N
     points, values = (-2.0, -1.4, -0.6), (1.4, 1.1, 0.7)
     leg = leg_with(table={"angle": list(points), "ratio": list(values)})
     q = np.linspace(-2.4, -0.15, 60)
-    expected = PchipInterpolator(points, values)(np.clip(q, points[0], points[-1]))
-    assert ratios(leg, "knee", physical_parameters(leg), q) == pytest.approx(expected, rel=1e-9)
+    found = ratios(leg, "knee", physical_parameters(leg), q)
+    assert ratios(leg, "knee", physical_parameters(leg), np.array(points)) == pytest.approx(values, rel=1e-12)
+    assert (np.diff(found) <= 1e-12).all()  # as its points do
+    middle = PchipInterpolator(points, values).derivative()(points[1])  # Fritsch and Carlson's slope there
+    expected = CubicHermiteSpline(points, values, [0.0, middle, 0.0])(np.clip(q, points[0], points[-1]))
+    assert found == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_differential_shares_torques_between_its_motors() -> None:
@@ -171,6 +181,40 @@ def test_the_compiled_plant_moves_a_leg_with_lossy_gears_as_pinocchio_does(conta
 def test_transmissions_that_cannot_be_are_refused_in_a_sentence(entries: dict[str, Any], words: str) -> None:
     with pytest.raises(ProblemFileError, match=words):
         load("paper", {f"{KNEE}.{name}": value for name, value in entries.items()})
+
+
+def test_the_slope_of_a_table_is_right_at_its_own_points_and_in_compiled_plants() -> None:
+    leg = leg_with(table={"angle": [-2.4, -1.275, -0.15], "ratio": [1.5, 1.2, 0.6]})
+    robot = build_robot(leg)
+    assert robot.turning is not None
+    for q in (-2.4, -1.275, -0.7, -0.15):
+        steps = robot.turning.jacobian(np.array([0.0, q + 1e-6])) - robot.turning.jacobian(np.array([0.0, q - 1e-6]))
+        late = robot.turning.drift(np.array([0.0, q]), np.array([0.0, 3.0]))
+        assert late[1] == pytest.approx(9.0 * steps[1, 1] / 2e-6, abs=1e-3)
+    record = packed(numbers(leg, robot.parameters))
+    for q in np.linspace(-2.4, -0.15, 40):
+        exact = ratios(leg, "knee", robot.parameters, np.array([q]))[0]
+        assert own_ratio(record, 1, float(q))[0] == pytest.approx(exact, abs=2e-6)
+
+
+def test_two_ways_to_write_one_machine_have_one_stop_and_one_speed() -> None:
+    """A gear of 50, and one of 100 with a ratio of a half behind it; and drives with states of their own are refused."""
+    plain = load("paper", {"leg.knee.gear.ratio": 50.0})
+    table = {f"{KNEE}.table": {"angle": [-2.4, -0.15], "ratio": [0.5, 0.5]}}
+    other = load("paper", table)
+    assert stall_torques(other.leg) == pytest.approx(stall_torques(plain.leg), rel=1e-12)
+    assert Setting(other, 1e-3).no_load_speed == pytest.approx(Setting(plain, 1e-3).no_load_speed, rel=1e-12)
+    with pytest.raises(ProblemFileError, match="torque_rate = 2000 does not go with the joints' transmissions"):
+        load("paper", {**table, "leg.motor.torque_rate": 2000.0})
+
+
+@pytest.mark.slow
+def test_exports_have_torques_of_joints() -> None:
+    s = solved_once(FALLING)
+    found = columns(TrackedPlan.of(s))
+    at = samples_at_control_rate(s)
+    assert np.array(found["tau_knee"][1]) == pytest.approx(at.tau[:, 1], abs=1e-6)
+    assert np.abs(at.command[:, 1] - at.tau[:, 1]).max() > 5.0
 
 
 def test_drives_that_move_joints_alike_are_refused() -> None:

@@ -15,6 +15,7 @@ from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import Gear, gears_of, states
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
+from hopopt.drivetrain.transmission import least_and_largest
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import Robot, build_robot
@@ -96,9 +97,11 @@ class Setting:
 
     @property
     def no_load_speed(self) -> np.ndarray:
-        """Joint speed [rad/s] at which each drive has no torque left in the direction of motion, (n,)."""
+        """Joint speed [rad/s] at which each drive has no torque left in the direction of motion, (n,); where its ratio changes with
+        the angle, at the highest."""
         speeds = [[1 / h.b for h in region.planes if h.b > 0] for region in self.regions()]
-        return np.array([min(of_joint, default=np.inf) for of_joint in speeds])
+        highest = least_and_largest(self.design.leg, physical_parameters(self.design.leg))[1]
+        return np.array([min(of_joint, default=np.inf) for of_joint in speeds]) / highest
 
     @property
     def angle_noise(self) -> float:

@@ -80,9 +80,8 @@ class SpringLaw:
     def of(cls, leg: Leg, name: str, p: Mapping[str, Any]) -> Self:
         """The law of one of the leg's springs, from parameter values or symbols by their paths."""
         spring: Spring = (leg.spring or {})[name]
-        own = dict(zip(joints_of(name, spring), spring.coefficients or [1.0] * MOST_SPRINGS, strict=False))
-        coefficients = tuple(float(own.get(joint, 0.0)) for joint in leg.joints)
-        width = ROUND * sum(abs(c) * (leg.joint[j].upper - leg.joint[j].lower) for j, c in own.items())
+        own = weights_of(name, spring)
+        coefficients, width = tuple(float(own.get(joint, 0.0)) for joint in leg.joints), rounding(leg, name, spring)
         if spring.table is not None:
             return cls(coefficients, **_broken_line(spring.table), width=width)
         k, rest = p[f"leg.spring.{name}.stiffness"], p[f"leg.spring.{name}.rest_angle"]
@@ -91,6 +90,17 @@ class SpringLaw:
         if spring.acts == "above":
             return cls(coefficients, 0.0, 0.0, rest, (rest,), (-k,), width)
         return cls(coefficients, k * rest, -k, rest, (rest,), (k,), width)
+
+
+def weights_of(name: str, spring: Spring) -> dict[str, float]:
+    """The coefficient of each joint in a spring's angle."""
+    return dict(zip(joints_of(name, spring), spring.coefficients or [1.0] * MOST_SPRINGS, strict=False))
+
+
+def rounding(leg: Leg, name: str, spring: Spring) -> float:
+    """Width [rad] over which a spring's corners are rounded."""
+    own = weights_of(name, spring)
+    return ROUND * sum(abs(c) * (leg.joint[j].upper - leg.joint[j].lower) for j, c in own.items())
 
 
 def joints_of(name: str, spring: Spring) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from hopopt.design import Leg
 from hopopt.design.drives.transmission import Transmission
@@ -48,19 +48,22 @@ def four_bar(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
 
 
 def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
-    """The integral of a monotone cubic spline through the ratios, level before and behind its points."""
+    """The integral of a monotone cubic spline through the ratios, which is level before and behind its points and has no corner."""
     assert table.table is not None
-    knots = np.array(table.table.angle)
-    pieces = (
-        PchipInterpolator(knots, table.table.ratio).antiderivative().c
-    )  # by falling powers of q - knot, each piece's own
-    theta = table.table.ratio[0] * ca.fmin(q - knots[0], 0.0) + table.table.ratio[-1] * ca.fmax(q - knots[-1], 0.0)
-    for k, start in enumerate(knots[:-1]):
-        part = ca.fmin(ca.fmax(q - start, 0.0), knots[k + 1] - start)
-        theta += sum(c * part**n for n, c in zip((4, 3, 2, 1), pieces[:4, k].tolist(), strict=True))
-    return theta
+    knots, values = np.array(table.table.angle), np.array(table.table.ratio)
+    slopes = PchipInterpolator(knots, values).derivative()(knots)
+    slopes[[0, -1]] = 0.0  # a ratio with a corner would ask for a torque that jumps
+    whole = CubicHermiteSpline(knots, values, slopes).antiderivative()
+    theta = values[0] * (q - knots[0])
+    for start, piece in zip(
+        knots[:-1], whole.c.T.tolist(), strict=True
+    ):  # by falling powers of the angle from its knot
+        part = sum(c * (q - start) ** n for n, c in zip((4, 3, 2, 1, 0), piece, strict=True))
+        theta = ca.if_else(q >= start, part, theta)
+    return ca.if_else(q >= knots[-1], float(whole(knots[-1])) + values[-1] * (q - knots[-1]), theta)
 
 
+SAMPLES = 201  # of a joint's range, where ratios are looked at
 LAWS: dict[str, Law] = {"linear": linear, "rod": rod, "four_bar": four_bar, "table": table}
 
 
@@ -79,7 +82,9 @@ def ratios(leg: Leg, joint: str, p: Mapping[str, Any], angles: np.ndarray) -> np
     return ca.Function("ratio", [q], [ca.gradient(drive_angle(leg, joint, p, q), q)])(angles.reshape(1, -1)).full()[0]
 
 
-PLACES = 129  # of a joint's range where compiled plants have a ratio and its slope: a cubic between two is off by 1e-9
+# Of a joint's range where compiled plants have a ratio and its slope: a cubic between two is off by 1e-9, by 1e-6 where the
+# curve of a table's ratio jumps.
+PLACES = 513
 
 
 def numbers(leg: Leg, p: Mapping[str, float]) -> dict[str, Any]:
@@ -103,6 +108,17 @@ def numbers(leg: Leg, p: Mapping[str, float]) -> dict[str, Any]:
         "turned": int(not leg.direct), "coupling": coupling, "turn_from": start, "turn_step": step,
         "turn_ratio": ratio, "turn_slope": slope,
     }  # fmt: skip
+
+
+def least_and_largest(leg: Leg, p: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Magnitude of each joint's own ratio over its gear's where it is least and largest in the joint's range, (n,) each."""
+    if leg.direct:
+        return np.ones(len(leg.joints)), np.ones(len(leg.joints))
+    found = [
+        np.abs(ratios(leg, joint, p, np.linspace(leg.joint[joint].lower, leg.joint[joint].upper, SAMPLES)))
+        for joint in leg.joints
+    ]
+    return np.array([each.min() for each in found]), np.array([each.max() for each in found])
 
 
 def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
@@ -165,6 +181,16 @@ class Turning:
     def drive_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Torques of the drives (..., n) [N m] that come to tau (..., n) at the joints."""
         return np.linalg.solve(np.swapaxes(self._jacobians(q), -1, -2), tau[..., None])[..., 0]
+
+    def joint_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Torques at the joints (..., n) [N m] of torques tau (..., n) of the drives: the inverse of ``drive_torques``."""
+        return np.einsum("...ji,...j->...i", self._jacobians(q), tau)
+
+    def rates(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """w' (..., n) [rad/s^2] of the drives at q, v, a (..., n) of the joints."""
+        n, rows = q.shape[-1], q.reshape(-1, q.shape[-1])
+        late = self._at.map(len(rows))(rows.T, v.reshape(-1, n).T)[1].full().T.reshape(q.shape)
+        return self.speeds(q, a) + late
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
         """J' A J (n, n) [kg m^2]: what the rotors add to the joints' mass matrix."""

@@ -60,14 +60,14 @@ def samples_at_control_rate(motion: Motion) -> Samples:
 def columns(plan: TrackedPlan) -> dict[str, tuple[str, Sequence[Any]]]:
     """name -> (unit, values) at the control instants: time, phase, body, joints, ground force, gains if the leg has any."""
     s, joints, found = samples_at_control_rate(plan.motion), plan.motion.design.leg.joints, {}
-    gains = gains_of(plan, s)
+    gains, torques = gains_of(plan, s), plan.motion.robot.joint_torques(s.q, s.command)
     found["t"], found["phase"] = ("s", s.t), ("", s.phase)
     for k, axis in enumerate("xz"):
         found[f"body_{axis}"], found[f"body_v{axis}"] = ("m", s.q[:, k]), ("m/s", s.v[:, k])
     for k, joint in enumerate(joints):
         found[f"q_{joint}"] = "rad", s.q[:, BASE + k]
         found[f"v_{joint}"] = "rad/s", s.v[:, BASE + k]
-        found[f"tau_{joint}"] = "N m", s.command[:, k]
+        found[f"tau_{joint}"] = "N m", torques[:, k]
     for k, axis in ((0, "x"), (-1, "z")):
         found[f"force_{axis}"] = "N", s.f[:, k]
     for k, joint in enumerate(joints if np.isfinite(gains).any() else ()):
@@ -99,11 +99,12 @@ def to_json(plan: TrackedPlan) -> str:
 def to_ros2(plan: TrackedPlan) -> str:
     """A trajectory_msgs/msg/JointTrajectory as YAML, a point for each control instant; effort is the planned torque."""
     s, joints = samples_at_control_rate(plan.motion), plan.motion.design.leg.joints
+    torques = plan.motion.robot.joint_torques(s.q, s.command)
     lines = ["header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}", f"joint_names: {json.dumps(joints)}", "points:"]
     for k, t in enumerate(s.t):
         seconds, rest = divmod(round(float(t) * NANOSECONDS), NANOSECONDS)
         values = {"positions": s.q[k, BASE:], "velocities": s.v[k, BASE:], "accelerations": s.a[k, BASE:]}
-        for mark, (name, numbers) in zip("-   ", (values | {"effort": s.command[k]}).items(), strict=True):
+        for mark, (name, numbers) in zip("-   ", (values | {"effort": torques[k]}).items(), strict=True):
             lines.append(f"{mark} {name}: [{', '.join(f'{x:.12f}' for x in numbers)}]")
         lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
     return "\n".join(lines) + "\n"

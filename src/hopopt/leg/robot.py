@@ -81,6 +81,10 @@ class Robot:
         """Speeds of the drives behind their gears (..., n) [rad/s] at q, v (..., BASE + n) of the leg."""
         return self.turning.speeds(q[..., BASE:], v[..., BASE:]) if self.turning else v[..., BASE:]
 
+    def joint_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Torques at the joints (..., n) [N m] of torques tau (..., n) of the drives behind their gears, at q (..., BASE + n)."""
+        return self.turning.joint_torques(q[..., BASE:], tau) if self.turning else tau
+
     def drive_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Torques of the drives behind their gears (..., n) [N m] of joint torques tau (..., n) at q (..., BASE + n)."""
         return self.turning.drive_torques(q[..., BASE:], tau) if self.turning else tau

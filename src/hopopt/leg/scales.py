@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from hopopt.design import GRAVITY, PAPERS_LENGTH, Design, Leg, Reserve, physical_parameters
 from hopopt.drivetrain.motor import stall_torque, torque_cap
+from hopopt.drivetrain.transmission import least_and_largest
 
 FORCE_RANGE = 5.0  # [weights of the leg]: a push-off's peak
 DESCENT_RANGE = 1.0  # [m/s] on the paper's leg: speed at which a body sinks into a counter-movement
@@ -82,14 +83,16 @@ def reserve_of(design: Design) -> Reserve:
 
 
 def stall_torques(leg: Leg) -> np.ndarray:
-    """Torque (n) [N m] of every joint's drive at standstill, its gear's ratio times its motor's torque."""
+    """Torque (n) [N m] that every joint's drive gives it at standstill: its motor's times its gear's ratio, and where another ratio
+    comes between them, where that is highest."""
     p = physical_parameters(leg)
-    return np.array([stall_torque(leg, joint, p) for joint in leg.joints], dtype=float)
+    return np.array([stall_torque(leg, joint, p) for joint in leg.joints], dtype=float) * least_and_largest(leg, p)[1]
 
 
 def standstill_torques(leg: Leg) -> np.ndarray:
     """What every joint's drive gives at standstill (n) [N m]: its stall torque, or less where motor or gear are capped."""
-    return np.minimum(stall_torques(leg), [_least_cap(leg, joint) for joint in leg.joints])
+    highest = least_and_largest(leg, physical_parameters(leg))[1]
+    return np.minimum(stall_torques(leg), highest * [_least_cap(leg, joint) for joint in leg.joints])
 
 
 def _least_cap(leg: Leg, joint: str) -> float:
@@ -130,8 +133,11 @@ def friction_needed(along: np.ndarray, up: np.ndarray, given: float | None, allo
     return min(steepest, given) if kept and given is not None else steepest
 
 
-def joint_inertias(model: pin.Model, angles: np.ndarray) -> np.ndarray:
-    """The inertia (n) [kg m^2] that each joint shows at these joint angles (n) [rad] while all others are free."""
+def joint_inertias(model: pin.Model, angles: np.ndarray, more: Any = 0.0) -> np.ndarray:
+    """The inertia (n) [kg m^2] that each joint shows at these joint angles (n) [rad] while all others are free; more (n, n): what
+    the model does not know of it."""
     q = np.concatenate([np.zeros(model.nq - len(angles)), angles])
     M = pin.crba(model, model.createData(), q)
-    return 1 / np.diag(np.linalg.inv(np.triu(M) + np.triu(M, 1).T))[-len(angles) :]
+    M = np.triu(M) + np.triu(M, 1).T
+    M[-len(angles) :, -len(angles) :] += more
+    return 1 / np.diag(np.linalg.inv(M))[-len(angles) :]

@@ -34,7 +34,7 @@ def picture(motion: Motion) -> Picture:
     """A hop as it is drawn, with what a list of designs tells of it."""
     times = np.union1d(np.linspace(0.0, motion.end, INSTANTS), [motion.lift_off])
     s, robot = motion.sample(times), motion.robot
-    v, voltage = s.v[:, -len(robot.joints) :], motion.voltage(s)
+    v, voltage = s.w, motion.voltage(s)
     drawn = {
         "t": _rounded(s.t), "joints": list(robot.joints), "chain": _rounded(chain(s.points, robot).reshape(len(s.t), -1)),
         "v": _rounded(v.T), "tau": _rounded(s.command.T), "lowest": _rounded(s.lowest),

@@ -113,7 +113,13 @@ def added_mass(design: Design, choices: Mapping[str, str]) -> float:
         return 0.0
     leg, entries = design.leg, catalogue()
     now, then = (drives_mass(one, one.joints, entries)[0] for one in (leg, changed(design, choices).leg))
-    return (leg.body.legs or 1) * (then - now)
+    more = (leg.body.legs or 1) * (then - now)
+    if more <= -leg.body.mass:
+        raise UsageError(
+            f"the body weighs {leg.body.mass:.3g} kg, and the drives that the problem has are taken to weigh {-more:.3g} kg more than "
+            "these: choose parts in the problem file, with its leg.body.mass"
+        )
+    return more
 
 
 def _slider(design: Design, entry: str, ends: tuple[float, float] | None) -> Slider:

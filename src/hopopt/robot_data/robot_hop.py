@@ -51,20 +51,23 @@ def trace_of(log: RobotLog, design: Design) -> Trace:
     power = np.sum(log.tau * log.v, axis=1)
     work = np.zeros((len(log.t), ACCOUNTS))  # losses are not logged
     work[1:, 0] = np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(log.t))
-    arrays = (log.t, q, v, log.tau, log.tau, log.tau, log.force, log.contact, work)
+    arrays = (log.t, q, v, log.tau, robot.drive_torques(q, log.tau), log.tau, log.force, log.contact, work)
     return Trace(robot, *arrays, events=tuple(events), outcome="the log ends")
 
 
 def torques_exceeded(design: Design, log: RobotLog) -> list[str]:
     """Joints whose logged torque is above what the drive can give at that speed, in words."""
-    found, parameters = [], build_robot(design.leg).parameters
+    found, robot = [], build_robot(design.leg)
+    of_body = np.zeros((len(log.t), BASE))
+    q, v = (np.hstack([of_body, each]) for each in (log.q, log.v))
+    speeds, torques = robot.drive_speeds(q, v), robot.drive_torques(q, log.tau)
     for k, joint in enumerate(design.leg.joints):
-        region = operating_region(design.leg, joint, parameters)
-        low, high = region.torque_bounds(log.v[:, k])
-        excess = np.maximum(log.tau[:, k] - high, low - log.tau[:, k])
+        region = operating_region(design.leg, joint, robot.parameters)
+        low, high = region.torque_bounds(speeds[:, k])
+        excess = np.maximum(torques[:, k] - high, low - torques[:, k])
         worst = int(np.argmax(excess))
         if excess[worst] > EXCESS * float(region.torque_bounds(0.0)[1]):
-            tau, w = log.tau[worst, k], log.v[worst, k]
+            tau, w = torques[worst, k], speeds[worst, k]
             found.append(
                 f"{joint} with {tau:.0f} N m at {w:.1f} rad/s, {excess[worst]:.0f} N m above its drive's limit"
             )

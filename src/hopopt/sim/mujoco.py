@@ -168,7 +168,8 @@ class _Scene:
 
     def __init__(self, robot: Robot, time_step: float, friction: float | None = None, dc_motors: bool = False):
         self.mj = library()
-        self.turning, pose = robot.turning, np.zeros(len(robot.joints))
+        limits = [robot.leg.joint[joint] for joint in robot.joints]
+        self.turning, pose = robot.turning, np.array([(limit.lower + limit.upper) / 2 for limit in limits])
         self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot, dc_motors, heat=False, pose=pose))
         first = [self.model.tendon(DRIVE.format(joint)).id for joint in robot.joints if self.turning]
         self._ratios = [

@@ -223,12 +223,11 @@ def balance(robot: Robot, machine: Machine, phase: str, table: Table) -> Check:
 
 
 def at_drives(robot: Robot, table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Speeds [rad/s], their rates [rad/s^2] and torques [N m] of the drives behind their gears, (N, K, n) each: the joints' where
-    they turn together, else the rates as slopes of the speeds' polynomials."""
-    if robot.leg.direct:
+    """Speeds [rad/s], their rates [rad/s^2] and torques [N m] of the drives behind their gears, (N, K, n) each."""
+    if robot.turning is None:
         return table.v[..., BASE:], table.a[..., BASE:], table.tau
-    w = robot.drive_speeds(table.q, table.v)
-    return w, table.rate(w), robot.drive_torques(table.q, table.tau)
+    rates = robot.turning.rates(*(each[..., BASE:] for each in (table.q, table.v, table.a)))
+    return robot.drive_speeds(table.q, table.v), rates, robot.drive_torques(table.q, table.tau)
 
 
 def over_time(table: Table, rate: np.ndarray) -> float:

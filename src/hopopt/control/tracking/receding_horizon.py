@@ -79,20 +79,22 @@ class PlanLimits:
         t = min(k * self.period, self.reference.duration)
         q, v, _ = self.reference.at(t)
         tau = self.reference.mean_torque(t, t + periods * self.period)
-        G, E, w = self._of_drives(v, tau)
+        G, E, w = self._of_drives(q, v, tau)
         if self.contact:
             force = self._of_contact(q, v, tau)
             G, E, w = (np.concatenate(pair) for pair in zip((G, E, w), force, strict=True))
         return Limits(G, E, w)
 
-    def _of_drives(self, v: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """a (tau + u) + b (v + dv) <= 1 for each half-plane of each drive (the paper's eq. 13)."""
-        n = len(v)
-        G, E, w = [], [], []
+    def _of_drives(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """a (tau + u) + b (v + dv) <= 1 for each half-plane of each drive (the paper's eq. 13), of its own torque and speed."""
+        n, turning = len(v), self.machine.turning
+        J = np.eye(n) if turning is None else turning.jacobian(q)
+        T, G, E, w = np.linalg.inv(J).T, [], [], []
+        tau, v = T @ tau, J @ v
         for j, region in enumerate(self.regions):
             for plane in region.planes:
-                G.append(float(plane.a) * np.eye(n)[j])
-                E.append(float(plane.b) * np.eye(2 * n)[n + j])
+                G.append(float(plane.a) * T[j])
+                E.append(np.concatenate([np.zeros(n), float(plane.b) * J[j]]))
                 w.append(1 - float(plane.a) * tau[j] - float(plane.b) * v[j])
         return np.array(G), np.array(E), np.array(w)
 

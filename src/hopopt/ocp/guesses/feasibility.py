@@ -84,7 +84,9 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
             stated = " and ".join(f"{path} = {robot.parameters[path]:g}" for path in given)
             stronger = f"a higher {given[0]}" if cap else "a stronger motor"
             geared = ", a higher gear ratio" if given[1:] else ""
-            sprung = robot.springs.torques(start_angles(design).tolist())[k]
+            start = start_angles(design)
+            springs = np.array(robot.springs.torques(start.tolist()), dtype=float)
+            sprung = robot.drive_torques(np.concatenate([np.zeros(BASE), start]), springs)[k]
             gives = f" (springs give it {sprung:.1f} N m)" if sprung else ""
             softer = ", softer springs" if sprung * hold[k] < 0 else ""
             faults.append(

@@ -125,7 +125,8 @@ def highest_gains(design: Design) -> tuple[np.ndarray, np.ndarray]:
     """K_p (n) [N m/rad] and K_d (n) [N m s/rad] that sampled feedback can have, from what each joint shows of inertia at the
     start while the others are free."""
     period = 1 / design.simulation.control_rate
-    inertia = joint_inertias(build_robot(design.leg).model, start_angles(design))
+    robot, start = build_robot(design.leg), start_angles(design)
+    inertia = joint_inertias(robot.model, start, robot.turning.inertia(start) if robot.turning else 0.0)
     return STIFFEST * inertia / period**2, MOST_DAMPED * inertia / period
 
 

@@ -12,9 +12,9 @@ from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking
 from hopopt.drivetrain.operating_region.limits import Entry
-from hopopt.drivetrain.springs import joints_of
+from hopopt.drivetrain.springs import joints_of, rounding
 from hopopt.drivetrain.supply import WINDING
-from hopopt.drivetrain.transmission import LAWS, Turning, ratios
+from hopopt.drivetrain.transmission import LAWS, SAMPLES, numbers, ratios
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.render import shown
@@ -69,14 +69,18 @@ def _gives_way(supply: Supply) -> bool:
     return supply.internal_resistance > 0 or any(cap is not None for cap in caps)
 
 
-SAMPLES, POSES = 201, 7  # of a joint's range; of each joint's where joints are coupled
-DEAD = 1e-3  # share of its largest that a ratio, or a determinant of ratios, is at a dead point
+DEAD = 1e-3  # share of its largest that a ratio is at a dead point, or of the ratios' product a determinant
+BEYOND = 0.05  # rad beyond a joint's range where a linkage still closes, for stops that yield
 
 
 def transmission_rules(leg: Leg, report: Report) -> None:
     """Report transmissions with two laws, to joints that are not there, that cannot close, or with a dead point in the joints' range."""
     if leg.direct:
         return
+    for joint, entry in product(leg.joints, ("torque_rate", INDUCTANCE)):
+        path, value = leg.drive(joint, "motor", entry)
+        if value is not None:
+            report.add(path, f"= {value:g} does not go with the joints' transmissions: leave out the one or the other")
     for joint in leg.joints:
         between, path = leg.joint[joint].transmission, f"leg.{joint}.transmission"
         if between is None:
@@ -99,7 +103,7 @@ def transmission_rules(leg: Leg, report: Report) -> None:
 def _moving_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
     """Report a law that cannot be had, or has a dead point, within the joint's range."""
     low, high = leg.joint[joint].lower, leg.joint[joint].upper
-    angles = np.linspace(low, high, SAMPLES)
+    angles = np.linspace(low - BEYOND, high + BEYOND, SAMPLES)
     found = ratios(leg, joint, physical_parameters(leg), angles)
     remedy = f"change its entries, or leg.{joint}.lower = {low:g} and upper = {high:g}"
     if not np.isfinite(found).all():
@@ -113,17 +117,18 @@ def _moving_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
 
 
 def _apart_rules(leg: Leg, report: Report) -> None:
-    """Report drives that no longer move all joints apart from each other."""
-    ranges = [np.linspace(leg.joint[joint].lower, leg.joint[joint].upper, POSES) for joint in leg.joints]
-    poses = np.array(list(product(*ranges))) if len(ranges) <= 4 else np.array(ranges).T
-    turning = Turning(leg, physical_parameters(leg), np.zeros(len(leg.joints)))
-    found = np.linalg.det([turning.jacobian(pose) for pose in poses])
-    if np.abs(found).min() <= DEAD * np.abs(found).max() or found.min() < 0 < found.max():
-        pose = ", ".join(f"{angle:.3g}" for angle in poses[int(np.argmin(np.abs(found)))])
-        coupled = ", ".join(f"leg.{j}.transmission" for j in leg.joints if leg.joint[j].transmission is not None)
-        report.add(
-            "leg", f"has drives that do not move its joints apart near joint angles of {pose} rad: change {coupled}"
-        )
+    """Report drives that do not move all joints apart from each other: a determinant of ratios that is near zero or changes its sign.
+
+    Couplings are constant, so the determinant is linear in every joint's own ratio: its extremes are at the ends of these.
+    """
+    p, joints = physical_parameters(leg), leg.joints
+    own = [ratios(leg, j, p, np.linspace(leg.joint[j].lower, leg.joint[j].upper, SAMPLES)) for j in joints]
+    coupling = numbers(leg, p)["coupling"]
+    corners = [coupling + np.diag(each) for each in product(*((ratio.min(), ratio.max()) for ratio in own))]
+    found = np.array([np.linalg.det(J) / np.linalg.norm(J, axis=1).prod() for J in corners])
+    if np.abs(found).min() <= DEAD or found.min() < 0 < found.max():
+        coupled = ", ".join(f"leg.{j}.transmission" for j in joints if leg.joint[j].transmission is not None)
+        report.add("leg", f"has drives that do not move its joints apart in all of their ranges: change {coupled}")
 
 
 def heat_rules(leg: Leg, ambient: float, report: Report) -> None:
@@ -183,6 +188,9 @@ def spring_rules(leg: Leg, report: Report) -> None:
             report.add(f"{path}.joints", words)
         elif len(set(joints)) < len(joints):
             report.add(f"{path}.joints", f"= {shown(joints)} has a joint twice: once is enough")
+        elif spring.table is not None and (width := rounding(leg, name, spring)) > min(np.diff(spring.table.angle)):
+            words = f"has angles nearer to each other than the {width:.3g} rad over which its corners are rounded: leave some out"
+            report.add(f"{path}.table", words)
 
 
 def _table_rules(leg: Leg, report: Report) -> None:

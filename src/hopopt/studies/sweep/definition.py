@@ -22,7 +22,7 @@ LARGEST_VALUE = 1e15  # of a value; no entry of a problem comes near
 COUNT = re.compile(r"0*[1-9]\d*", re.ASCII)
 SAMPLINGS = "lhs:40 (Latin hypercube) or sobol:64"
 HOW_TO_VARY = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100 or leg.motor=unitree-go2,mini-cheetah"
-DRIVE = re.compile(r"leg\.(\w+\.)?(motor|gear)", re.ASCII)  # an entry that takes names of the catalogue
+DRIVE = re.compile(r"leg\.([^.]+\.)?(motor|gear)", re.ASCII)  # an entry that takes names of the catalogue
 FORMAT = 3  # of the study's folder
 
 
