@@ -83,6 +83,7 @@ STUDIES = (
     "07",
     "08",
     "09",
+    "10",
 )  # what they run is tried by the tests of comparisons, sweeps, co-design, hops after each other and robust plans
 RUNS = [  # the longest first, beside the others
     pytest.param(path, marks=[pytest.mark.rarely] if path.stem[:2] in STUDIES else [], id=path.stem)

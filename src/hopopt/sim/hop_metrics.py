@@ -204,12 +204,12 @@ class HopFigures:
 
     @property
     def peaks(self) -> dict[str, dict[str, float] | float]:
-        """Largest torque [N m] and speed [rad/s] of every joint up to the clearance, and ground force [N]."""
+        """Largest torque [N m] and speed [rad/s] of every joint's drive, behind its gear, up to the clearance, and ground force [N]."""
         trace, joints = self.trace, self.trace.robot.joints
         span = slice(0, (self.highest if self.highest is not None else self.stance.stop - 1) + 1)
         return {
             "torque_Nm": {j: float(np.abs(trace.motor[span, k]).max()) for k, j in enumerate(joints)},
-            "speed_rad_s": {j: float(np.abs(trace.v[span, BASE + k]).max()) for k, j in enumerate(joints)},
+            "speed_rad_s": {j: float(np.abs(trace.w[span, k]).max()) for k, j in enumerate(joints)},
             "ground_force_N": float(np.hypot(*trace.f[self.stance].T).max()),
         }
 
