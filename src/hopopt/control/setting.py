@@ -15,7 +15,7 @@ from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import Gear, gears_of, states
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
-from hopopt.drivetrain.transmission import least_and_largest
+from hopopt.drivetrain.transmission import largest_ratios
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import Robot, build_robot
@@ -100,7 +100,7 @@ class Setting:
         """Joint speed [rad/s] at which each drive has no torque left in the direction of motion, (n,); where its ratio changes with
         the angle, at the highest."""
         speeds = [[1 / h.b for h in region.planes if h.b > 0] for region in self.regions()]
-        highest = least_and_largest(self.design.leg, physical_parameters(self.design.leg))[1]
+        highest = largest_ratios(self.design.leg, physical_parameters(self.design.leg))
         return np.array([min(of_joint, default=np.inf) for of_joint in speeds]) / highest
 
     @property

@@ -1,5 +1,7 @@
 """How an entry of a problem file is declared: with its unit, its meaning and the magnitudes it may have."""
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -74,6 +76,22 @@ class Section(BaseModel):
     """A table of the problem file: no unknown keys, no silent conversions, immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+def points_fault(at: Sequence[float], of: Sequence[float], ats: str, ofs: str, one_of: str, monotone: str = "") -> str:
+    """What is wrong with a table of values ``of`` at points ``at``, in words that follow its path; empty if nothing is.
+
+    ats, ofs: what both are called; one_of: one value and one point, such as "efficiency for each speed"; monotone: in what the
+    values only fall or only rise, empty if they need not
+    """
+    if len(at) != len(of):
+        return f"has {len(at)} {ats} and {len(of)} {ofs}: give one {one_of}"
+    if any(b <= a for a, b in pairwise(at)):
+        return f"has {ats} that do not rise: list them in rising order, each once"
+    steps = [b - a for a, b in pairwise(of)]
+    if monotone and min(steps) < 0 < max(steps):
+        return f"is not monotone in {monotone}: give {ofs} that only fall, or only rise"
+    return ""
 
 
 EntryName = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,200}$")]  # in a registry

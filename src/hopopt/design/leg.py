@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Sequence
 from copy import copy as copy_of
-from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, PrivateAttr, create_model, model_serializer, model_validator
@@ -22,6 +21,7 @@ from hopopt.design.fields import (
     Vector,
     choice,
     named,
+    points_fault,
     quantity,
 )
 from hopopt.design.geometry.parts import MOST_SPRINGS, Body, Link, Spring
@@ -95,15 +95,8 @@ class EfficiencyTable(Section):
 
     def fault(self) -> str:
         """What is wrong with the table, in words that follow its path; empty if nothing is."""
-        steps = [b - a for a, b in pairwise(self.efficiency)]
-        if len(self.speed) != len(self.efficiency):
-            few = f"has {len(self.speed)} speeds and {len(self.efficiency)} efficiencies"
-            return f"{few}: give one efficiency for each speed"
-        if any(b <= a for a, b in pairwise(self.speed)):
-            return "has speeds that do not rise: list them in rising order, each once"
-        if min(steps) < 0 < max(steps):
-            return "is not monotone in speed: give efficiencies that only fall, or only rise"
-        return ""
+        words = "speeds", "efficiencies", "efficiency for each speed", "speed"
+        return points_fault(self.speed, self.efficiency, *words)
 
 
 class Gear(Section):

@@ -10,7 +10,7 @@ Where every drive turns as its joint does, J is the unit matrix. A law is a func
 derives from it is found by CasADi. Laws of linkages: plane geometry by the law of cosines, as in Norton, Design of Machinery.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -55,9 +55,8 @@ def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
     slopes[[0, -1]] = 0.0  # a ratio with a corner would ask for a torque that jumps
     whole = CubicHermiteSpline(knots, values, slopes).antiderivative()
     theta = values[0] * (q - knots[0])
-    for start, piece in zip(
-        knots[:-1], whole.c.T.tolist(), strict=True
-    ):  # by falling powers of the angle from its knot
+    for start, piece in zip(knots[:-1], whole.c.T.tolist(), strict=True):
+        # by falling powers of the angle from its knot
         part = sum(c * (q - start) ** n for n, c in zip((4, 3, 2, 1, 0), piece, strict=True))
         theta = ca.if_else(q >= start, part, theta)
     return ca.if_else(q >= knots[-1], float(whole(knots[-1])) + values[-1] * (q - knots[-1]), theta)
@@ -65,6 +64,9 @@ def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
 
 SAMPLES = 201  # of a joint's range, where ratios are looked at
 LAWS: dict[str, Law] = {"linear": linear, "rod": rod, "four_bar": four_bar, "table": table}
+# Of a joint's range where compiled plants have a ratio and its slope: a cubic between two is off by 1e-9, by 1e-6 where the
+# curve of a table's ratio jumps.
+PLACES = 513
 
 
 def drive_angle(leg: Leg, joint: str, p: Mapping[str, Any], q: Any) -> Any:
@@ -76,15 +78,37 @@ def drive_angle(leg: Leg, joint: str, p: Mapping[str, Any], q: Any) -> Any:
     return LAWS[between.law](between, lambda name: p[f"{path}.{name}"], q)
 
 
+def couplings(leg: Leg, p: Mapping[str, Any]) -> Iterator[tuple[int, int, Any]]:
+    """(drive, joint, ratio), by their places in the leg, of every other joint that turns a drive."""
+    for k, joint in enumerate(leg.joints):
+        between = leg.joint[joint].transmission
+        for other in (between and between.coupling) or ():
+            yield k, leg.joints.index(other), p[f"leg.{joint}.transmission.coupling.{other}.ratio"]
+
+
+def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
+    """theta (n) [rad] of the drives behind their gears at joint angles q (n), from parameter values or symbols by their paths."""
+    found = [drive_angle(leg, joint, p, q[k]) for k, joint in enumerate(leg.joints)]
+    for k, other, ratio in couplings(leg, p):
+        found[k] += ratio * q[other]
+    return ca.vertcat(*found)
+
+
 def ratios(leg: Leg, joint: str, p: Mapping[str, Any], angles: np.ndarray) -> np.ndarray:
     """How fast the drive of a joint turns with it at angles (k,) [rad], over its gear's ratio; NaN where a linkage cannot close."""
-    q = ca.SX.sym("q")
-    return ca.Function("ratio", [q], [ca.gradient(drive_angle(leg, joint, p, q), q)])(angles.reshape(1, -1)).full()[0]
+    return _ratios_and_slopes(leg, joint, p, angles)[0]
 
 
-# Of a joint's range where compiled plants have a ratio and its slope: a cubic between two is off by 1e-9, by 1e-6 where the
-# curve of a table's ratio jumps.
-PLACES = 513
+def in_range(leg: Leg, joint: str, count: int = SAMPLES, beyond: float = 0.0) -> np.ndarray:
+    """So many angles [rad] of a joint's range, and ``beyond`` it [rad], evenly."""
+    return np.linspace(leg.joint[joint].lower - beyond, leg.joint[joint].upper + beyond, count)
+
+
+def largest_ratios(leg: Leg, p: Mapping[str, Any]) -> np.ndarray:
+    """Magnitude of each joint's own ratio over its gear's where it is largest in the joint's range, (n,)."""
+    if leg.direct:
+        return np.ones(len(leg.joints))
+    return np.array([np.abs(ratios(leg, joint, p, in_range(leg, joint))).max() for joint in leg.joints])
 
 
 def numbers(leg: Leg, p: Mapping[str, float]) -> dict[str, Any]:
@@ -94,41 +118,25 @@ def numbers(leg: Leg, p: Mapping[str, float]) -> dict[str, Any]:
     n = len(leg.joints)
     coupling, ratio, slope = np.zeros((n, n)), np.ones((n, PLACES)), np.zeros((n, PLACES))
     start, step = np.zeros(n), np.ones(n)
-    for k, joint in enumerate(leg.joints):
-        between, q = leg.joint[joint].transmission, ca.SX.sym("q")
-        for other in (between and between.coupling) or ():
-            coupling[k, leg.joints.index(other)] = p[f"leg.{joint}.transmission.coupling.{other}.ratio"]
-        if between is not None and between.law is not None:
-            own = ca.gradient(drive_angle(leg, joint, p, q), q)
-            places = np.linspace(leg.joint[joint].lower, leg.joint[joint].upper, PLACES)
-            found = ca.Function("own", [q], [own, ca.gradient(own, q)])(places.reshape(1, -1))
-            ratio[k], slope[k] = (each.full()[0] for each in found)
-            start[k], step[k] = places[0], places[1] - places[0]
+    for k, other, turns in couplings(leg, p):
+        coupling[k, other] = turns
+    for k, joint in enumerate(leg.joints if not leg.direct else ()):
+        places = in_range(leg, joint, PLACES)
+        ratio[k], slope[k] = _ratios_and_slopes(leg, joint, p, places)
+        start[k], step[k] = places[0], places[1] - places[0]
     return {
         "turned": int(not leg.direct), "coupling": coupling, "turn_from": start, "turn_step": step,
         "turn_ratio": ratio, "turn_slope": slope,
     }  # fmt: skip
 
 
-def least_and_largest(leg: Leg, p: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Magnitude of each joint's own ratio over its gear's where it is least and largest in the joint's range, (n,) each."""
-    if leg.direct:
-        return np.ones(len(leg.joints)), np.ones(len(leg.joints))
-    found = [
-        np.abs(ratios(leg, joint, p, np.linspace(leg.joint[joint].lower, leg.joint[joint].upper, SAMPLES)))
-        for joint in leg.joints
-    ]
-    return np.array([each.min() for each in found]), np.array([each.max() for each in found])
-
-
-def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
-    """theta (n) [rad] of the drives behind their gears at joint angles q (n), from parameter values or symbols by their paths."""
-    found = [drive_angle(leg, joint, p, q[k]) for k, joint in enumerate(leg.joints)]
-    for k, joint in enumerate(leg.joints):
-        between = leg.joint[joint].transmission
-        for other in (between and between.coupling) or ():
-            found[k] += p[f"leg.{joint}.transmission.coupling.{other}.ratio"] * q[leg.joints.index(other)]
-    return ca.vertcat(*found)
+def _ratios_and_slopes(leg: Leg, joint: str, p: Mapping[str, Any], angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of a joint's own law at angles (k,) [rad]: its ratios and their derivatives [1/rad], (k,) each."""
+    q = ca.SX.sym("q")
+    own = ca.gradient(drive_angle(leg, joint, p, q), q)
+    found = ca.Function("own", [q], [ca.densify(own), ca.densify(ca.gradient(own, q))])(angles.reshape(1, -1))
+    ratio, slope = (each.full()[0] for each in found)
+    return ratio, slope
 
 
 @dataclass(frozen=True)

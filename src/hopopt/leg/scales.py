@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from hopopt.design import GRAVITY, PAPERS_LENGTH, Design, Leg, Reserve, physical_parameters
 from hopopt.drivetrain.motor import stall_torque, torque_cap
-from hopopt.drivetrain.transmission import least_and_largest
+from hopopt.drivetrain.transmission import largest_ratios
 
 FORCE_RANGE = 5.0  # [weights of the leg]: a push-off's peak
 DESCENT_RANGE = 1.0  # [m/s] on the paper's leg: speed at which a body sinks into a counter-movement
@@ -86,12 +86,12 @@ def stall_torques(leg: Leg) -> np.ndarray:
     """Torque (n) [N m] that every joint's drive gives it at standstill: its motor's times its gear's ratio, and where another ratio
     comes between them, where that is highest."""
     p = physical_parameters(leg)
-    return np.array([stall_torque(leg, joint, p) for joint in leg.joints], dtype=float) * least_and_largest(leg, p)[1]
+    return np.array([stall_torque(leg, joint, p) for joint in leg.joints], dtype=float) * largest_ratios(leg, p)
 
 
 def standstill_torques(leg: Leg) -> np.ndarray:
     """What every joint's drive gives at standstill (n) [N m]: its stall torque, or less where motor or gear are capped."""
-    highest = least_and_largest(leg, physical_parameters(leg))[1]
+    highest = largest_ratios(leg, physical_parameters(leg))
     return np.minimum(stall_torques(leg), highest * [_least_cap(leg, joint) for joint in leg.joints])
 
 

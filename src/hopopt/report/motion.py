@@ -7,6 +7,7 @@ import numpy as np
 
 from hopopt.leg.robot import Robot
 from hopopt.leg.scales import Scale
+from hopopt.planner.motion import Samples
 from hopopt.planner.solution import Solution
 from hopopt.sim.trace import Trace
 
@@ -58,19 +59,7 @@ def planned(solution: Solution, name: str) -> ShownHop:
     clearance = solution.clearance if solution.verified else None
     force = s.f[:, [0, -1]]
     ends = f"{solution.end_of_flight}: {PLAN_ENDS}" if solution.end <= solution.duration else ""
-    return ShownHop(
-        name,
-        s.t,
-        chain(s.points, solution.robot),
-        s.points["com"],
-        s.lowest,
-        s.w,
-        s.command,
-        force,
-        solution.lift_off,
-        clearance,
-        ends,
-    )
+    return _shown(name, solution.robot, s, s.command, force, solution.lift_off, clearance, ends)
 
 
 def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:
@@ -80,15 +69,13 @@ def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:
     arrays = ("t", "q", "v", "command", "motor", "tau", "f", "contact", "work")
     few = replace(trace, **{array: getattr(trace, array)[rows] for array in arrays})
     lift_off = next(iter(trace.times_of("lift-off")), float(trace.t[-1]))
-    return ShownHop(
-        name,
-        few.t,
-        chain(few.points, trace.robot),
-        few.points["com"],
-        few.lowest,
-        few.w,
-        few.motor,
-        few.f,
-        lift_off,
-        clearance,
-    )
+    return _shown(name, trace.robot, few, few.motor, few.f, lift_off, clearance)
+
+
+def _shown(
+    name: str, robot: Robot, s: Samples | Trace, tau: np.ndarray, force: np.ndarray, lift_off: float,
+    clearance: float | None, ends: str = "",
+) -> ShownHop:  # fmt: skip
+    """A hop by its samples; the others as its fields."""
+    places = chain(s.points, robot), s.points["com"], s.lowest
+    return ShownHop(name, s.t, *places, s.w, tau, force, lift_off, clearance, ends)

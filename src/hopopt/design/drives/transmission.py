@@ -1,11 +1,10 @@
 """What lies between a joint and its drive: the tables [leg.<joint>.transmission]."""
 
-from itertools import pairwise
 from typing import Annotated
 
 from pydantic import Field
 
-from hopopt.design.fields import Section, choice, quantity
+from hopopt.design.fields import Section, choice, points_fault, quantity
 
 MOST_RATIOS = 12  # points of a table of ratios
 Angle = Annotated[float, Field(ge=-7, le=7, allow_inf_nan=False)]
@@ -55,14 +54,8 @@ class RatioTable(Section):
 
     def fault(self) -> str:
         """What is wrong with the table, in words that follow its path; empty if nothing is."""
-        steps = [b - a for a, b in pairwise(self.ratio)]
-        if len(self.angle) != len(self.ratio):
-            return f"has {len(self.angle)} angles and {len(self.ratio)} ratios: give one ratio for each angle"
-        if any(b <= a for a, b in pairwise(self.angle)):
-            return "has angles that do not rise: list them in rising order, each once"
-        if min(steps) < 0 < max(steps):
-            return "is not monotone in the angle: give ratios that only fall, or only rise"
-        return ""
+        words = "angles", "ratios", "ratio for each angle", "the angle"
+        return points_fault(self.angle, self.ratio, *words)
 
 
 class Coupled(Section):

@@ -1,9 +1,8 @@
 """What a leg is made of: the body, and links, each with its mass and its shapes, and springs beside its drives."""
 
-from itertools import pairwise
 from typing import Literal
 
-from hopopt.design.fields import DOWN, MOST_POINTS, EntryName, Number, Section, Vector, choice, quantity
+from hopopt.design.fields import DOWN, MOST_POINTS, EntryName, Number, Section, Vector, choice, points_fault, quantity
 from hopopt.design.geometry.shape import Shape
 
 Shapes = dict[str, Shape]  # by name
@@ -57,12 +56,7 @@ class SpringTable(Section):
 
     def fault(self) -> str:
         """What is wrong with the table, in words that follow its path; empty if nothing is."""
-        if len(self.angle) != len(self.torque):
-            few = f"has {len(self.angle)} angles and {len(self.torque)} torques"
-            return f"{few}: give one torque for each angle"
-        if any(b <= a for a, b in pairwise(self.angle)):
-            return "has angles that do not rise: list them in rising order, each once"
-        return ""
+        return points_fault(self.angle, self.torque, "angles", "torques", "torque for each angle")
 
 
 class Spring(Section):

@@ -116,9 +116,9 @@ def least(design: Design, found: Clearances) -> list[float]:
     start, margin = start_angles(design), margin_of(design)
 
     def own(x: LinkClearance) -> float:
-        there = x.at(start)
-        if there > found.levelled(margin + x.error):
-            return found.levelled(margin + x.error)
+        there, wanted = x.at(start), found.levelled(margin + x.error)
+        if there > wanted:
+            return wanted
         return 0.5 * (there + x.error) if there > x.error else there - FROM_START * found.reach
 
     return [own(x) for x in found.links]

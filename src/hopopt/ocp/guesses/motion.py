@@ -60,11 +60,6 @@ class MovingLeg:
                     f"{design.name}: drives with states of their own are planned with gears that lose nothing: leave out "
                     "leg.gear.efficiency, friction and damping"
                 )
-            if not self.leg.direct:
-                raise UsageError(
-                    f"{design.name}: drives with states of their own are planned where they turn as their joints do: leave out "
-                    "motor.torque_rate and motor.winding_inductance, or the joints' transmissions"
-                )
             if self.loops:
                 raise UsageError(
                     f"{design.name}: this leg closes a loop with its guides in stance, where drives cannot have states of their own"

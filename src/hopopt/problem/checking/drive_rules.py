@@ -14,7 +14,7 @@ from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking
 from hopopt.drivetrain.operating_region.limits import Entry
 from hopopt.drivetrain.springs import joints_of, rounding
 from hopopt.drivetrain.supply import WINDING
-from hopopt.drivetrain.transmission import LAWS, SAMPLES, numbers, ratios
+from hopopt.drivetrain.transmission import LAWS, couplings, in_range, ratios
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.render import shown
@@ -103,7 +103,7 @@ def transmission_rules(leg: Leg, report: Report) -> None:
 def _moving_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
     """Report a law that cannot be had, or has a dead point, within the joint's range."""
     low, high = leg.joint[joint].lower, leg.joint[joint].upper
-    angles = np.linspace(low - BEYOND, high + BEYOND, SAMPLES)
+    angles = in_range(leg, joint, beyond=BEYOND)
     found = ratios(leg, joint, physical_parameters(leg), angles)
     remedy = f"change its entries, or leg.{joint}.lower = {low:g} and upper = {high:g}"
     if not np.isfinite(found).all():
@@ -122,9 +122,11 @@ def _apart_rules(leg: Leg, report: Report) -> None:
     Couplings are constant, so the determinant is linear in every joint's own ratio: its extremes are at the ends of these.
     """
     p, joints = physical_parameters(leg), leg.joints
-    own = [ratios(leg, j, p, np.linspace(leg.joint[j].lower, leg.joint[j].upper, SAMPLES)) for j in joints]
-    coupling = numbers(leg, p)["coupling"]
-    corners = [coupling + np.diag(each) for each in product(*((ratio.min(), ratio.max()) for ratio in own))]
+    own = [ratios(leg, joint, p, in_range(leg, joint)) for joint in joints]
+    corners = [np.diag(each) for each in product(*((ratio.min(), ratio.max()) for ratio in own))]
+    for k, other, ratio in couplings(leg, p):
+        for J in corners:
+            J[k, other] += ratio
     found = np.array([np.linalg.det(J) / np.linalg.norm(J, axis=1).prod() for J in corners])
     if np.abs(found).min() <= DEAD or found.min() < 0 < found.max():
         coupled = ", ".join(f"leg.{j}.transmission" for j in joints if leg.joint[j].transmission is not None)
