@@ -2,8 +2,8 @@
 
     python benchmarks/random_transmissions.py [LEGS] [STARTS] [SEED] [PROCESSES]
 
-Takes the random legs of random_legs.py (10 unless told), gives the knee a law drawn at random, and some legs a belt or a spring besides,
-and solves each from STARTS starts (3). Every law has the gear's own ratio in the middle of the knee's range. Prints a line for each.
+Takes the random legs of random_legs.py (10 unless told) and gives the knee a law drawn at random, some legs a belt or a spring
+besides. Each is solved from STARTS starts (3). Every law has the gear's own ratio in the middle of the knee's range. Prints a line for each.
 """
 
 import sys

@@ -144,7 +144,7 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True, pose: np.n
     The equality constraint "stance", inactive at first, pins the foot to the origin: the ideal ground. A motor takes its
     joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left to the controller.
     A drive that does not turn as its joint does is a tendon on all joints with the rotor's inertia, which its motor pulls.
-    Joint limits are stops; a spring is a tendon, whose corner MuJoCo does not round; UsageError for one with a table. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
+    Joint limits are stops. A spring is a tendon, whose corner MuJoCo does not round; UsageError for one with a table. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
     """
     turns = _ratios(robot, pose, dc_motors)
     bodies, root = _bodies(robot), ET.Element("mujoco", model="leg")
@@ -173,7 +173,8 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True, pose: np.n
     ET.SubElement(equality, "connect", name="stance", site1="foot", site2="foothold", active="false")
     tendons = ET.SubElement(root, "tendon") if robot.springs or turns is not None else root
     _mjcf_springs(tendons, robot)
-    _mjcf_drives(tendons, robot, turns)
+    if turns is not None:
+        _mjcf_drives(tendons, robot, turns)
     actuators = ET.SubElement(root, "actuator")
     for name in robot.joints:
         if dc_motors:
@@ -220,15 +221,13 @@ def _ratios(robot: Robot, pose: np.ndarray | None, dc_motors: bool) -> np.ndarra
     if laws and pose is None:
         raise UsageError(f"{laws[0]}: MJCF has no ratio that changes with the angle: leave the law out")
     if dc_motors:
-        raise UsageError(
-            "DC motors in MJCF turn as their joints do: leave out the joints' transmissions, or --dc-motors"
-        )
+        raise UsageError("DC motors in MJCF turn as their joints do: leave out transmissions, or --dc-motors")
     return robot.turning.jacobian(np.zeros(len(leg.joints)) if pose is None else pose)
 
 
-def _mjcf_drives(tendons: ET.Element, robot: Robot, turns: np.ndarray | None) -> None:
+def _mjcf_drives(tendons: ET.Element, robot: Robot, turns: np.ndarray) -> None:
     """Drives as tendons on joints, whose length is the drive's angle behind its gear."""
-    for joint, row, rotor in zip(robot.joints, turns, robot.rotors, strict=True) if turns is not None else ():
+    for joint, row, rotor in zip(robot.joints, turns, robot.rotors, strict=True):
         fixed = ET.SubElement(tendons, "fixed", name=DRIVE.format(joint), armature=_text([float(rotor)]))
         for other, ratio in zip(robot.joints, row.tolist(), strict=True):
             ET.SubElement(fixed, "joint", joint=other, coef=_text([ratio]))
