@@ -107,7 +107,7 @@ def program(p: Posed) -> tuple[Stages, Any]:
     durations, guessed = [ph.duration for ph in p.phases], [ph.guess[3] for ph in p.phases]
     zeros = [[ca.MX(0.0)] * len(ph.x) for ph in p.phases]
     last = list(zeros)
-    lands, T = None, []
+    lands, T, own = None, [], ca.MX(0.0)
     for k, phase in enumerate(p.phases):
         step = interval(phase, count, k)
         times, *tables = (np.array(table, dtype=float) for table in phase.guess[:3])
