@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, PrivateAttr, create_model, model_serializer, model_validator
 
+from hopopt.design.drives.series_spring import SeriesSpring
 from hopopt.design.drives.transmission import Transmission
 from hopopt.design.fields import (
     CATALOGUE,
@@ -165,6 +166,9 @@ class Joint(Section):
     transmission: Transmission | None = choice(
         "what lies between the joint and its drive (default: they turn together)", None, listed=False
     )
+    series_spring: SeriesSpring | None = choice(
+        "a spring between the drive and its joint (default: none)", None, listed=False
+    )
 
 
 class Leg(Section):
@@ -233,6 +237,11 @@ class Leg(Section):
     def direct(self) -> bool:
         """Whether every drive turns as its joint does."""
         return all(joint.transmission is None for joint in self.joint.values())
+
+    @property
+    def elastic(self) -> tuple[str, ...]:
+        """Joints with a spring between them and their drives."""
+        return tuple(name for name in self.joints if self.joint[name].series_spring is not None)
 
     @property
     def has_trunk(self) -> bool:

@@ -3,6 +3,13 @@
 A winding's inductance, a spring in series, a lag: each is an entry of ``DYNAMICS``, a function of the leg, a joint and the
 parameters that gives ``JointDynamics``, or None for a joint that it does not concern. The phases take states and controls
 from there, the plant its rates, verification both, without knowing what they mean. Without any the command is the torque.
+
+A series spring of stiffness k and damping d has the states s = theta - q, its deflection, and w_d = theta', its drive's speed:
+
+    s' = w_d - w,    A w_d' = u - g(tau),    tau = k s + d (w_d - w)
+
+u is the motor's torque, A what spins in front of the gear, and g what the gear takes to pass tau on, tau itself where it loses
+nothing (Pratt and Williamson, Series elastic actuators, 1995). All behind the gear. s is 0 where the spring gives no torque.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Leg, physical_parameters
-from hopopt.drivetrain.motor import electrical_time, stall_torque
+from hopopt.drivetrain.gear import Gear, lossy, teeth_torque
+from hopopt.drivetrain.motor import electrical_time, motor_torque_and_speed, reflected_inertia, stall_torque
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
@@ -29,6 +37,9 @@ class JointDynamics:
     rate: None where u is the command, which is what the motor is asked for. Else the one state is what it is asked for, u its
         derivative, and this its bound [N m/s], number or symbol
     region: whose voltage bounds that derivative too, if the winding's inductance counts
+    speed: which state is the drive's speed behind its gear [rad/s]; None where the drive turns as its joint does
+    rotor: reflected inertia that turns with that speed [kg m^2]
+    stored: (x) -> energy in the drive [J]; lost: (x, w) -> what a spring's damping turns into heat [W]
     """
 
     names: tuple[str, ...]
@@ -39,6 +50,10 @@ class JointDynamics:
     at_rest: Callable[[Any], Sequence[Any]]
     rate: Any = None
     region: OperatingRegion | None = None
+    speed: int | None = None
+    rotor: Any = 0.0
+    stored: Callable[[Any], Any] = lambda x: 0.0
+    lost: Callable[[Any, Any], Any] = lambda x, w: 0.0
 
     def bounds(self, w: float, tau: float) -> tuple[float, float]:
         """How fast a torque tau [N m] falls and rises at most at speed w [rad/s], [N m/s] each."""
@@ -72,7 +87,37 @@ def limited_rate(leg: Leg, joint: str, p: Mapping[str, Any]) -> JointDynamics | 
     )  # fmt: skip
 
 
-DYNAMICS: list[Dynamics] = [limited_rate]
+def series_spring(leg: Leg, joint: str, p: Mapping[str, Any]) -> JointDynamics | None:
+    """A spring between the drive and its joint: its deflection and the drive's speed are states, the motor's torque is the command."""
+    if joint not in leg.elastic:
+        return None
+    path, numbers = f"leg.{joint}.series_spring", physical_parameters(leg)
+    k, d = p[f"{path}.stiffness"], p.get(f"{path}.damping", 0.0)
+    inertia, gear = reflected_inertia(leg, joint, p), Gear.of(leg, joint, p) if lossy(leg, joint) else None
+
+    def torque(x: Any, asked: Any, w: Any) -> Any:
+        return k * x[0] + d * (x[1] - w)
+
+    def rates(x: Any, u: Any, w: Any) -> Sequence[Any]:
+        tau = torque(x, u, w)
+        load = tau if gear is None else teeth_torque(tau, x[1], *gear.law(x[1]))
+        return [x[1] - w, (u - load) / inertia]
+
+    ratio, (most, fastest) = numbers[leg.drive(joint, "gear", "ratio")[0]], motor_torque_and_speed(leg, joint, numbers)
+    return JointDynamics(
+        ("deflection", "drive speed"), ("rad", "rad/s"),
+        (float(most) * ratio / numbers[f"{path}.stiffness"], float(fastest) / ratio),
+        rates=rates,
+        torque=torque,
+        at_rest=lambda tau: [tau / k, 0.0 * tau],
+        speed=1,
+        rotor=inertia,
+        stored=lambda x: (k * x[0] ** 2 + inertia * x[1] ** 2) / 2,
+        lost=lambda x, w: d * (x[1] - w) ** 2,
+    )  # fmt: skip
+
+
+DYNAMICS: list[Dynamics] = [limited_rate, series_spring]
 
 
 @dataclass(frozen=True)
@@ -104,6 +149,37 @@ class AddedStates:
     def limited(self) -> dict[int, Any]:
         """Largest rates [N m/s] of torques that are states, by the joint's place among all."""
         return {k: d.rate for d, k in zip(self.of.values(), self.at, strict=True) if d.rate is not None}
+
+    @property
+    def sprung(self) -> dict[int, int]:
+        """Which state is the drive's speed, by the place among all of each joint whose drive does not turn as it does."""
+        return {k: own[d.speed] for d, own, k in self._parts(range(self.size)) if d.speed is not None}
+
+    @property
+    def steady(self) -> int:
+        """How many joints have a torque that cannot jump."""
+        return len(self.limited) + len(self.sprung)
+
+    @property
+    def rotors(self) -> dict[int, Any]:
+        """Reflected inertias [kg m^2] of those ``sprung``, by the joint's place among all."""
+        return {k: d.rotor for d, k in zip(self.of.values(), self.at, strict=True) if d.speed is not None}
+
+    def speeds(self, x: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Speeds of all drives (..., n) [rad/s] at states x (..., size) and speeds w (..., n) of the joints."""
+        if not self.sprung:
+            return w
+        found = np.array(w, dtype=float)
+        found[..., list(self.sprung)] = x[..., list(self.sprung.values())]
+        return found
+
+    def stored(self, x: Any) -> Any:
+        """Energy in the drives [J] at states x (size)."""
+        return sum(d.stored(own) for d, own, _ in self._parts(x))
+
+    def lost(self, x: Any, w: Any) -> Any:
+        """What springs' damping turns into heat [W] at states x (size) and speeds w (n) of all joints."""
+        return sum(d.lost(own, w[k]) for d, own, k in self._parts(x))
 
     def rates(self, x: Any, u: Any, w: Any) -> list[Any]:
         """Derivatives of all states x (size) under what is controlled, u (n), at speeds w (n) of all joints."""
@@ -160,3 +236,9 @@ def added_states(leg: Leg, p: Mapping[str, Any]) -> AddedStates:
             f"the drive of the {twice[0]} has two dynamics: leave out its motor's torque_rate or the other"
         )
     return AddedStates({joint: of[0] for joint, of in found.items() if of}, leg.joints)
+
+
+def refuse_series_springs(leg: Leg, what: str) -> None:
+    """UsageError where a leg has a series spring, for what does not know its states."""
+    if leg.elastic:
+        raise UsageError(f"{what} does not know series springs: leave out leg.{leg.elastic[0]}.series_spring")

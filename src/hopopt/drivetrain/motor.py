@@ -59,6 +59,13 @@ def stall_torque(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
     return p[leg.drive(joint, "gear", "ratio")[0]] * motor_torque_and_speed(leg, joint, p)[0]
 
 
+def reflected_inertia(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
+    """Of what spins in front of a joint's gear, as seen behind it [kg m^2], of parameter values or symbols."""
+    ratio, rotor = p[leg.drive(joint, "gear", "ratio")[0]], p[leg.drive(joint, "motor", "rotor_inertia")[0]]
+    rotor = rotor + p.get(leg.drive(joint, "gear", "inertia")[0], 0.0)
+    return rotor * ratio**2
+
+
 def electrical_time(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
     """L / R_w [s], by which the current of a joint's winding is late; None where the problem states no inductance."""
     path, inductance = leg.drive(joint, "motor", INDUCTANCE)

@@ -13,6 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Leg, physical_parameters, unit
+from hopopt.drivetrain.dynamics import added_states
+from hopopt.drivetrain.motor import reflected_inertia
 from hopopt.drivetrain.springs import Springs
 from hopopt.drivetrain.transmission import Turning
 from hopopt.leg.geometry.solids import counted_points
@@ -27,7 +29,7 @@ class MovingBody:
 
     placement: its joint in the parent joint's frame [m], whose axes are parallel when all angles are zero; com:
     centre of mass in its own frame [m]; inertia: moments xx, yy, zz and products xy, xz, yz about the com
-    [kg m^2]; armature: rotor inertia reflected through the joint's gear [kg m^2].
+    [kg m^2]; armature: rotor inertia reflected through the joint's gear [kg m^2], none behind a series spring.
     """
 
     placement: tuple[Any, ...]
@@ -69,7 +71,8 @@ class Robot:
 
     @cached_property
     def rotors(self) -> np.ndarray:
-        """Reflected inertias of what spins in front of the gears (n) [kg m^2]: in ``model`` where drives turn as joints do."""
+        """Reflected inertias of what spins in front of the gears as the joints turn (n) [kg m^2], none behind series springs: in
+        ``model`` where drives turn as joints do."""
         return np.array([float(body.armature) for body in link_bodies(self.leg, self.parameters)[BASE:]])
 
     @cached_property
@@ -77,9 +80,11 @@ class Robot:
         """How the joints turn the drives; None where they turn together."""
         return None if self.leg.direct else Turning(self.leg, self.parameters, self.rotors)
 
-    def drive_speeds(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Speeds of the drives behind their gears (..., n) [rad/s] at q, v (..., BASE + n) of the leg."""
-        return self.turning.speeds(q[..., BASE:], v[..., BASE:]) if self.turning else v[..., BASE:]
+    def drive_speeds(self, q: np.ndarray, v: np.ndarray, x: np.ndarray | None = None) -> np.ndarray:
+        """Speeds of the drives behind their gears (..., n) [rad/s] at q, v (..., BASE + n) of the leg and, if they have any,
+        states x (..., m) of their own."""
+        speeds = self.turning.speeds(q[..., BASE:], v[..., BASE:]) if self.turning else v[..., BASE:]
+        return speeds if x is None else added_states(self.leg, self.parameters).speeds(x, speeds)
 
     def joint_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Torques at the joints (..., n) [N m] of torques tau (..., n) of the drives behind their gears, at q (..., BASE + n)."""
@@ -100,9 +105,8 @@ def link_bodies(leg: Leg, p: Mapping[str, Any]) -> list[MovingBody]:
         com = leg.link[link].com_position or _along(leg, link, p.get(f"leg.{link}.com", 0.5 * length))
         across = p.get(f"leg.{link}.inertia", mass * length**2 / 12)
         inertia = leg.link[link].inertia_tensor or _rod(leg, link, across)
-        ratio, rotor = p[leg.drive(joint, "gear", "ratio")[0]], p[leg.drive(joint, "motor", "rotor_inertia")[0]]
-        rotor = rotor + p.get(leg.drive(joint, "gear", "inertia")[0], 0.0)
-        bodies.append(MovingBody(above, mass, com, inertia, rotor * ratio**2))
+        rotor = 0.0 if joint in leg.elastic else reflected_inertia(leg, joint, p)
+        bodies.append(MovingBody(above, mass, com, inertia, rotor))
         above = _along(leg, link, length)
     return bodies
 

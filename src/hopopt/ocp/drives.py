@@ -7,7 +7,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from hopopt.drivetrain.dynamics import added_states
+from hopopt.drivetrain.dynamics import added_states, refuse_series_springs
 from hopopt.drivetrain.gear import Gear, gears_of, motor_torque
 from hopopt.drivetrain.gear import lossy as lossy_gear
 from hopopt.drivetrain.operating_region.region import operating_region
@@ -25,7 +25,8 @@ DRIVE, COMMAND = "drive", "command"  # the state and the control that are added:
 def motor_torques(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
     """What the motors are asked for at an instant (n) [N m]: the drives' torques, with what their gears lose; or the commands
     to drives that have states of their own."""
-    lossy = [k for k, joint in enumerate(leg.leg.joints) if lossy_gear(leg.leg, joint)]
+    prompt = [k for k in range(leg.n) if k not in leg.drive_states.at]
+    lossy = [k for k in prompt if lossy_gear(leg.leg, leg.leg.joints[k])]
 
     def torques(s: Instant) -> ca.SX:
         m, p = motion(s).drives, s.p
@@ -144,6 +145,7 @@ def torques_of(leg: MovingLeg, x: np.ndarray, a: np.ndarray, on_ground: bool) ->
 
 def refuse_drive_states(leg: MovingLeg, what: str) -> None:
     """UsageError where drives have states of their own, for a program that does not hand them on from phase to phase."""
+    refuse_series_springs(leg.leg, what)
     if leg.drive_states.size:
         raise UsageError(f"{what} does not know drives with states of their own: leave out motor.torque_rate")
 
@@ -155,8 +157,12 @@ def with_drive_states(leg: MovingLeg, guess: Guess, on_ground: bool) -> Guess:
         return guess
     tau = torques_of(leg, guess.x[:, -2 * leg.n :], guess.u, on_ground)
     held, controls = np.array([states.at_rest(row) for row in tau]), tau.copy()
+    t, v = guess.fraction * guess.duration, guess.x[:, -leg.n :]
     for k, most in states.limited.items():
-        controls[:, k] = np.clip(np.gradient(tau[:, k], guess.fraction * guess.duration), -most, most)
+        controls[:, k] = np.clip(np.gradient(tau[:, k], t), -most, most)
+    for k, speed in states.sprung.items():  # the drive turns with its joint, and bears its rotor
+        held[:, speed] = v[:, k]
+        controls[:, k] += states.rotors[k] * np.gradient(v[:, k], t)
     return replace(
         guess,
         x=np.hstack([guess.x, held]),

@@ -144,7 +144,7 @@ def heights(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
 
     names, _, lower = zip(*rows, strict=True)
     rises = (
-        not leg.drive_states.limited
+        not leg.drive_states.steady
     )  # a foot that comes off with the cube of time has no quadratic hull above the ground
     return (PathConstraint(LEAST_HEIGHT, value, lower, scale=leg.reach, unit="m", labels=names, smooth=rises),)
 

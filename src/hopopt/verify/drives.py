@@ -10,7 +10,17 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import AddedStates, added_states
-from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of, motor_torque, response_to, teeth_torque
+from hopopt.drivetrain.gear import (
+    ENTRIES,
+    LOSSLESS,
+    Gear,
+    any_lossy,
+    driven_joints,
+    gears_of,
+    motor_torque,
+    response_to,
+    teeth_torque,
+)
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion, torque_lines, within
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import WINDING, power_drawn, sag, share_at, winding_heat
@@ -19,9 +29,9 @@ from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, stated
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, STATE, Check
-from hopopt.verify.measures import quadrature
 from hopopt.verify.replay import missed
-from hopopt.verify.table import POWERS, STANCE, TO_POWERS, Table
+from hopopt.verify.springs.at_drives import at_drives, rotors
+from hopopt.verify.table import POWERS, STANCE, TO_POWERS, Table, over_time
 
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # drives' speeds and torques asked to torques given
 
@@ -50,8 +60,16 @@ class Drives:
         clamp = joint_clamp(regions)
         if robot.leg.supply is not None or any(region.power is not None for region in regions):
             clamp = Drive.of(robot.leg, robot.parameters, robot.rotors, Gear()).clamp
+        states = added_states(robot.leg, robot.parameters)
         gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
-        return cls(clamp, gear, robot.rotors, added_states(robot.leg, robot.parameters), robot.turning)
+        if gear is not None and states.sprung:  # their gears are in the law of their states
+            behind = np.isin(np.arange(len(robot.joints)), list(states.sprung))
+            own = {
+                name: np.where(behind, ideal, getattr(gear, name))
+                for name, ideal in zip(ENTRIES, LOSSLESS, strict=True)
+            }
+            gear = replace(gear, **own, bends=tuple(np.where(behind, 0.0, bend) for bend in gear.bends))
+        return cls(clamp, gear, robot.rotors, states, robot.turning)
 
     def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:
         """Torques (n) [N m] at the joints of the motors' torques, for q, v (BASE + n) of the leg."""
@@ -69,6 +87,22 @@ class Drives:
         """What gears make of the motors' torques at speeds w (n) of the drives, which their torques accelerate."""
         assert self.gear is not None
         return driven_joints(self.gear, motor, w, *response_to(accelerate, len(motor)), self.rotor)
+
+    def at_springs(self, x: np.ndarray, motor: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The motors' torques (n) [N m], that of a series spring where there is one, at states x and joint speeds v (n)."""
+        if not self.states.sprung:
+            return motor
+        found = motor.copy()
+        found[self.states.at] = self.states.torques(x, motor, v)
+        return found
+
+    def angles(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Joint angles q (..., n) [rad], of the drive behind a series spring, at states x (..., m): its deflection is the state
+        before its speed."""
+        found = q + 0.0
+        for k, place in self.states.sprung.items():
+            found[..., k] += x[..., place - 1]
+        return found
 
     def asked(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Torques of the drives (n) [N m] that come to tau (n) at the joints, gears' losses aside, at joint angles q (n)."""
@@ -88,10 +122,10 @@ def joint_clamp(regions: Sequence[OperatingRegion]) -> Clamp:
 def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
     """That motors are asked for what joints and gears take; that the drives' states follow from their commands, and the
     joints' torques from these states. Nothing where drives have neither."""
-    if any_lossy(robot.leg) or not robot.leg.direct:
+    states = added_states(robot.leg, robot.parameters)
+    if any_lossy(robot.leg) or not robot.leg.direct or states.sprung:
         yield _gears(robot, phase, table)
         yield balance(robot, Machine(robot), phase, table)
-    states = added_states(robot.leg, robot.parameters)
     if not states.size:
         return
     if table.drive is None or table.command is None:
@@ -142,16 +176,6 @@ class JointLosses(Strict):
 
 
 @dataclass(frozen=True)
-class SpringEnergy(Strict):
-    """What a spring beside the drives stores, and gives back: at lift-off it holds at_start + taken - given."""
-
-    at_start_J: float = stated("stored when stance begins, above the empty spring [J]")
-    taken_J: float = stated("that it takes up in stance [J]")
-    given_J: float = stated("that it gives the leg in stance [J]")
-    peak_torque_Nm: float = stated("largest torque of the hop, on a joint of coefficient 1 [N m]")
-
-
-@dataclass(frozen=True)
 class SupplyFigures(Strict):
     """What the supply gives over the hop."""
 
@@ -168,26 +192,13 @@ def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
         known = leg.supply is not None or all(leg.drive(joint, "motor", entry)[1] is not None for entry in WINDING)
         heat, total = winding_heat(leg, joint, p), np.zeros(3)
         for table in tables.values():
-            w, w_rate, driven = (each[..., k] for each in at_drives(robot, table))
-            motor, tau = table.asked[..., k], driven
-            out, rubbing = tau - robot.rotors[k] * w_rate, replace(gear, efficiency=1.0, knots=(), bends=())
+            w, w_rate, tau = (each[..., k] for each in at_drives(robot, table))
+            motor = table.asked[..., k]
+            out, rubbing = tau - rotors(robot)[k] * w_rate, replace(gear, efficiency=1.0, knots=(), bends=())
             friction = (teeth_torque(out, w, *rubbing.law(w)) - out) * w
             rates = ((motor - tau) * w - friction, friction, heat * motor**2)
             total += [over_time(table, rate) for rate in rates]
         found[joint] = JointLosses(float(total[0]), float(total[1]), float(total[2]) if known else None)
-    return found
-
-
-def spring_energies(robot: Robot, tables: Mapping[str, Table]) -> dict[str, SpringEnergy]:
-    """What each spring stores and gives back [J], from the plan's joint angles."""
-    found = dict[str, SpringEnergy]()
-    for name, law in robot.springs.laws.items():
-        angles = {phase: law.angle(list(np.moveaxis(t.q[..., BASE:], -1, 0))) for phase, t in tables.items()}
-        stored = law.energy(angles[STANCE].ravel())
-        steps = np.diff(stored)
-        peak = max(float(np.abs(law.torque(s)).max()) for s in angles.values())
-        gone = float(np.maximum(steps, 0).sum()), float(np.maximum(-steps, 0).sum())
-        found[name] = SpringEnergy(float(stored[0]), *gone, peak)
     return found
 
 
@@ -202,7 +213,7 @@ def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures |
             leg,
             p,
             list(np.moveaxis(table.asked, -1, 0)),
-            list(np.moveaxis(robot.drive_speeds(table.q, table.v), -1, 0)),
+            list(np.moveaxis(robot.drive_speeds(table.q, table.v, table.drive), -1, 0)),
         )
         voltage = leg.supply.voltage * share_at(sag(leg, p), power)
         lowest = min(lowest, float(voltage.min()))
@@ -212,27 +223,22 @@ def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures |
 
 
 def balance(robot: Robot, machine: Machine, phase: str, table: Table) -> Check:
-    """Work and heat that the motors draw = energy gained + what gears and windings turn into heat, relative to it."""
+    """Work that the motors give = energy gained, that of springs and rotors too + what gears and springs' damping turn into
+    heat, relative to the work done."""
     lost = losses(robot, {phase: table})
-    columns = [np.moveaxis(each, -1, 0) for each in (table.asked, robot.drive_speeds(table.q, table.v))]
+    columns = [np.moveaxis(each, -1, 0) for each in (table.asked, at_drives(robot, table)[0])]
     drawn = sum(over_time(table, tau * w) for tau, w in zip(*columns, strict=True))
     gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
     heat = sum(x.gear + x.friction for x in lost.values())
+    if table.drive is not None:
+        states, (own, v) = (
+            added_states(robot.leg, robot.parameters),
+            (np.moveaxis(x, -1, 0) for x in (table.drive, table.v)),
+        )
+        gained += states.stored(table.drive[-1, -1]) - states.stored(table.drive[0, 0])
+        heat += over_time(table, states.lost(own, v[BASE:]) + np.zeros(table.t.shape))
     size = sum(over_time(table, np.abs(tau * w)) for tau, w in zip(*columns, strict=True))
     return Check(f"{phase} energy of the drives", abs(drawn - gained - heat) / max(size, 1e-3), BALANCE, "relative")
-
-
-def at_drives(robot: Robot, table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Speeds [rad/s], their rates [rad/s^2] and torques [N m] of the drives behind their gears, (N, K, n) each."""
-    if robot.turning is None:
-        return table.v[..., BASE:], table.a[..., BASE:], table.tau
-    rates = robot.turning.rates(*(each[..., BASE:] for each in (table.q, table.v, table.a)))
-    return robot.drive_speeds(table.q, table.v), rates, robot.drive_torques(table.q, table.tau)
-
-
-def over_time(table: Table, rate: np.ndarray) -> float:
-    """Over time, of values (N, K) at the table's instants, by Clenshaw and Curtis in every interval."""
-    return float((table.t[:, -1] - table.t[:, 0]) @ (rate @ quadrature()))
 
 
 def _gears(robot: Robot, phase: str, table: Table) -> Check:
@@ -241,7 +247,7 @@ def _gears(robot: Robot, phase: str, table: Table) -> Check:
     if table.command is None:
         return Check(name, np.inf, EXACT, "relative", "the plan has no torques of its motors")
     w, w_rate, tau = at_drives(robot, table)
-    needed = motor_torque(gears_of(robot.leg, robot.parameters), tau, w, w_rate, robot.rotors)
+    needed = motor_torque(gears_of(robot.leg, robot.parameters), tau, w, w_rate, rotors(robot))
     wrong = np.abs(needed - table.command).max(axis=(1, 2))
     where = f"interval from {table.t[int(np.argmax(wrong)), 0]:.4f} s"
     return Check(name, float(wrong.max()) / float(np.abs(table.command).max()), EXACT, "relative", where)

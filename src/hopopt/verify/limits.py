@@ -38,13 +38,14 @@ def limits_of(
     motion: tuple[np.ndarray, ...],
     window: bool,
     rates: tuple[np.ndarray, np.ndarray] | None = None,
+    drive: np.ndarray | None = None,
 ) -> dict[LimitId, np.ndarray]:
     """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
     q, v (k, 2 + n), tau (k, n) that the motors are asked for, f (k, 2); one value for those of its end;
     ``window``: the foot's window is one; rates of tau (k, n) [N m/s] and f (k, 2) [N/s], if they
-    are to be looked at."""
+    are to be looked at; drive (k, m): the drives' states, if they have any."""
     (q, v, tau, f), contact = motion, phase in STANDING
-    w = robot.drive_speeds(q, v)
+    w = robot.drive_speeds(q, v, drive)
     columns = list(tau.T), list(w.T)
     voltage = voltage_share(design.leg, robot.parameters, *columns) if design.leg.supply else None
     found: dict[LimitId, np.ndarray] = {}

@@ -12,13 +12,15 @@ from typing import Literal
 import numpy as np
 
 from hopopt.design import HopSettings
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import voltage_share
 from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.hops.obstacle import highest_box
-from hopopt.verify.table import NORMALISED_TIMES, Table, dense
+from hopopt.verify.springs.at_drives import at_drives
+from hopopt.verify.table import Table, dense, quadrature
 
 SAMPLES_OF_INTERVAL = np.linspace(
     0.0, 1.0, 201
@@ -64,26 +66,41 @@ def integral(table: Table, values: np.ndarray) -> float:
 def _over_phases(
     tables: Tables,
     rate: Callable[[np.ndarray, np.ndarray], np.ndarray],
-    torque: str = "tau",
-    speeds: Callable[[Table], np.ndarray] = lambda table: table.v[..., BASE:],
+    torques: Callable[[Table], np.ndarray],
+    speeds: Callable[[Table], np.ndarray],
 ) -> float:
-    """Integral over all phases of rate(tau, w), both (N, 201, n), summed over the joints; ``torque``: the table's; speeds: of
-    a table (N, K, n), by default the joints'."""
+    """Integral over all phases of rate(tau, w), both (N, 201, n), summed over the joints; torques, speeds: of a table, (N, K, n)."""
     total = 0.0
     for table in tables.values():
-        tau, w = (finely(table, x) for x in (getattr(table, torque), speeds(table)))
+        tau, w = (finely(table, x) for x in (torques(table), speeds(table)))
         total += integral(table, rate(tau, w).sum(axis=-1))
     return total
 
 
 def positive_work(robot: Robot, tables: Tables, hop: HopSettings) -> float:
-    """Positive mechanical work of the joints [J]."""
-    return _over_phases(tables, lambda tau, w: np.maximum(tau * w, 0.0))
+    """Positive mechanical work of the joints [J], and of the drives behind series springs."""
+    return _of_joints(robot, tables, lambda tau, w: np.maximum(tau * w, 0.0))
 
 
 def absolute_work(robot: Robot, tables: Tables, hop: HopSettings) -> float:
-    """Mechanical work of the joints [J], braking counted like driving."""
-    return _over_phases(tables, lambda tau, w: np.abs(tau * w))
+    """The same, braking counted like driving [J]."""
+    return _of_joints(robot, tables, lambda tau, w: np.abs(tau * w))
+
+
+def _of_joints(robot: Robot, tables: Tables, rate: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> float:
+    """Integral over all phases of rate(tau, w) of the joints, of the drive where a joint has a series spring."""
+    sprung = list(added_states(robot.leg, robot.parameters).sprung)
+
+    def at(column: int, of_joints: np.ndarray, table: Table) -> np.ndarray:
+        if not sprung:
+            return of_joints
+        found, own = of_joints.copy(), at_drives(robot, table)[column]
+        found[..., sprung] = own[..., sprung]
+        return found
+
+    return _over_phases(
+        tables, rate, lambda table: at(2, table.tau, table), lambda table: at(0, table.v[..., BASE:], table)
+    )
 
 
 def electrical_energy(robot: Robot, tables: Tables, hop: HopSettings) -> float:
@@ -96,7 +113,9 @@ def electrical_energy(robot: Robot, tables: Tables, hop: HopSettings) -> float:
         current = tau / of_drives("gear", "ratio") / of_drives("motor", "torque_constant")
         return np.maximum(tau * w + of_drives("motor", "winding_resistance") * current**2, 0.0)
 
-    return _over_phases(tables, rate, "asked", lambda table: robot.drive_speeds(table.q, table.v))
+    return _over_phases(
+        tables, rate, lambda table: table.asked, lambda table: robot.drive_speeds(table.q, table.v, table.drive)
+    )
 
 
 def joint_work(table: Table) -> tuple[float, float]:
@@ -104,12 +123,6 @@ def joint_work(table: Table) -> tuple[float, float]:
     power = np.sum(table.tau * table.v[..., BASE:], axis=-1)
     h = table.t[:, -1] - table.t[:, 0]
     return float(h @ (power @ quadrature())), float(h @ (np.abs(power) @ quadrature()))
-
-
-def quadrature() -> np.ndarray:
-    """Clenshaw-Curtis weights of NORMALISED_TIMES on [0, 1], shape (K,)."""
-    moments = 1.0 / np.arange(1, len(NORMALISED_TIMES) + 1)
-    return np.linalg.solve(np.vander(NORMALISED_TIMES, increasing=True).T, moments)
 
 
 def impact(robot: Robot, tables: Tables, hop: HopSettings) -> float:
@@ -129,7 +142,7 @@ def region_share(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        speeds = robot.drive_speeds(table.q, table.v)
+        speeds = robot.drive_speeds(table.q, table.v, table.drive)
         tau, w, rate = (finely(table, each) for each in (table.asked, speeds, table.asked_rate))
         columns = [np.moveaxis(each, -1, 0) for each in (tau, w)]
         voltage = voltage_share(robot.leg, robot.parameters, *map(list, columns)) if robot.leg.supply else None

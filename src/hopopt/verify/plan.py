@@ -22,9 +22,9 @@ from hopopt.verify.hops.heat import heat_checks
 from hopopt.verify.hops.landing import landed_checks, landing, lift_off
 from hopopt.verify.hops.periodic import SMALL, periodic_checks
 from hopopt.verify.limits import limit_words, limits_of, windowed
-from hopopt.verify.measures import MAY_BE_MORE, MEASURES, SMALLEST, joint_work, quadrature
+from hopopt.verify.measures import MAY_BE_MORE, MEASURES, SMALLEST, joint_work
 from hopopt.verify.replay import replay
-from hopopt.verify.table import DESCENT, FLIGHT, LANDING, NORMALISED_TIMES, STANCE, Table, dense
+from hopopt.verify.table import DESCENT, FLIGHT, LANDING, NORMALISED_TIMES, STANCE, Table, dense, quadrature
 
 LEAST_FORCE_SCALE = 1.0  # [N] on the paper's leg: the least that forces and torques are relative to
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
@@ -184,7 +184,9 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
         for name in ("t", "q", "v", "asked", "f", "asked_rate", "force_rate")
     }
     t, *motion, of_torque, of_force = (x.reshape(-1, *x.shape[2:]) for x in between.values())
-    for limit, excess in limits_of(machine, robot, design, phase, tuple(motion), window, (of_torque, of_force)).items():
+    own = None if table.drive is None else dense(NORMALISED_TIMES, table.drive, BETWEEN).reshape(len(t), -1)
+    rates = of_torque, of_force
+    for limit, excess in limits_of(machine, robot, design, phase, tuple(motion), window, rates, own).items():
         at = int(np.argmax(excess))
         where = f"at {t[at] if len(excess) == len(t) else t[-1]:.4f} s"
         yield Check(limit_words(phase, limit), float(max(excess[at], 0.0)), LIMIT, "of its range", where)

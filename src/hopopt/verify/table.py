@@ -65,6 +65,17 @@ def dense(normalised_times: np.ndarray, values: np.ndarray, at: np.ndarray) -> n
     return np.einsum("kp,ip...->ik...", weights, values)
 
 
+def quadrature() -> np.ndarray:
+    """Clenshaw-Curtis weights of NORMALISED_TIMES on [0, 1], shape (K,)."""
+    moments = 1.0 / np.arange(1, len(NORMALISED_TIMES) + 1)
+    return np.linalg.solve(np.vander(NORMALISED_TIMES, increasing=True).T, moments)
+
+
+def over_time(table: Table, rate: np.ndarray) -> float:
+    """Over time, of values (N, K) at the table's instants, by Clenshaw and Curtis in every interval."""
+    return float((table.t[:, -1] - table.t[:, 0]) @ (rate @ quadrature()))
+
+
 def jumps(before: Table, after: Table) -> list[np.ndarray]:
     """By how much time, place and speed differ where a phase follows another."""
     return [getattr(before, s)[-1, -1] - getattr(after, s)[0, 0] for s in ("t", "q", "v")]

@@ -37,8 +37,8 @@ SHARPER = 10.0  # times as sharply change gears that lose something, for what th
 VALUE = Check("simulated in one piece", float("nan"), MOST_SHORT_OF_CLAIM, "relative")  # of nothing as yet
 LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "of its range")
 
-LegState = tuple[np.ndarray, np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints, torques [N m] of limited rate
-Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # motor torques [N m] from place, angles and speeds
+LegState = tuple[np.ndarray, np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints, states of the drives
+Law = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motor torques [N m] from place, q, v, states
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def not_simulated(design: Design) -> str:
     if loop_axes(design.leg):
         return "a leg that closes a loop with its guides is not simulated in one piece"
     added = added_states(design.leg, physical_parameters(design.leg))
-    if len(added.limited) < len(added.of):
+    if added.steady < len(added.of):
         return "a leg whose drives have states of their own is not simulated in one piece"
     return ""
 
@@ -156,7 +156,13 @@ def whole_hop_rollout(
         limit_words(name, limit): float(excess.max())
         for name, table in found.items()
         for limit, excess in limits_of(
-            machine, robot, design, name, tuple(table.flat("q", "v", "asked", "f")), windowed(design, name, ends)
+            machine,
+            robot,
+            design,
+            name,
+            tuple(table.flat("q", "v", "asked", "f")),
+            windowed(design, name, ends),
+            drive=None if table.drive is None else table.flat("drive")[0],
         ).items()
         if limit.kind is not Kind.REGION  # kept by clamping
     }
@@ -168,7 +174,7 @@ def whole_hop_rollout(
 
 def _sharper(machine: Machine, drives: Drives, tables: Mapping[str, Table]) -> float | None:
     """Clearance [m] of the hop with gears that change sides more sharply; None where they lose nothing, or that fails."""
-    if drives.gear is None:
+    if drives.gear is None or drives.states.sprung:
         return None
     gear = replace(drives.gear, slow=drives.gear.slow / SHARPER, sharp=drives.gear.sharp / SHARPER)
     hop = _from_its_start(machine, replace(drives, gear=gear), tables)
@@ -180,12 +186,14 @@ def _from_its_start(
 ) -> tuple[dict[str, Table], LegState] | None:
     """``simulated_hop`` from the plan's first state; None if that fails."""
     try:
-        first = tables[STANCE]
-        return simulated_hop(
-            machine, drives, tables, (first.q[0, 0], first.v[0, 0], first.asked[0, 0, list(drives.states.limited)])
-        )
+        return simulated_hop(machine, drives, tables, state_of(tables[STANCE]))
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None
+
+
+def state_of(table: Table) -> LegState:
+    """In which a phase begins."""
+    return table.q[0, 0], table.v[0, 0], np.zeros(0) if table.drive is None else table.drive[0, 0]
 
 
 def _values(
@@ -219,26 +227,29 @@ def _simulated(machine: Machine, drives: Drives, plan: Table, state: LegState, c
     """One phase from ``state``: its table, and the state in which it ends."""
     rows, unit = list[tuple[np.ndarray, ...]](), Scale.of(machine.leg).time
     for k in range(len(plan.t)):
-        torque = _law(machine, drives, plan.q[k], plan.v[k], plan.asked[k], contact, unit)
+        torque = _law(machine, drives, plan, k, contact, unit)
         rows.append(_interval(machine, drives, torque, plan.t[k], state, contact, plan.asked_rate[k], FOLLOWS * unit))
         state = rows[-1][0][-1], rows[-1][1][-1], rows[-1][-1][-1]
-    q, v, a, tau, f, motor, _ = (np.array(part) for part in zip(*rows, strict=True))
-    return Table(plan.t, q, v, a, tau, f, motor if drives.gear or drives.turning else None), state
+    q, v, a, tau, f, motor, own = (np.array(part) for part in zip(*rows, strict=True))
+    apart = drives.gear or drives.turning or drives.states.sprung
+    return Table(plan.t, q, v, a, tau, f, motor if apart else None, own if drives.states.size else None), state
 
 
-def _law(
-    machine: Machine, drives: Drives, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool, unit: float
-) -> Law:
-    """The plan's torque in one interval (values at NORMALISED_TIMES), kept to its motion by feedback and within the regions; ``unit``
-    of time [s]."""
+def _law(machine: Machine, drives: Drives, plan: Table, k: int, contact: bool, unit: float) -> Law:
+    """The plan's torque in its interval k, kept to its motion, of drives behind series springs theirs, by feedback and within
+    the regions; ``unit`` of time [s]."""
+    q, v, tau = plan.q[k], plan.v[k], plan.asked[k]
+    x = np.zeros((len(q), 0)) if plan.drive is None else plan.drive[k]
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
     rate = FEEDBACK_RATE / unit
     stiffness, damping = rate**2 * inertia, 2 * rate * inertia
-    toward = q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T
+    toward = drives.angles(q[:, BASE:], x) @ stiffness.T + drives.states.speeds(x, v[:, BASE:]) @ damping.T
     ahead, planned = (TO_POWERS @ (tau + toward)).T, (TO_POWERS @ tau).T
 
-    def torque(place: float, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    def torque(place: float, angle: np.ndarray, speed: np.ndarray, own: np.ndarray) -> np.ndarray:
         powers = (2 * place - 1) ** POWERS
+        if drives.states.sprung:
+            angle, speed = drives.angles(angle, own), drives.states.speeds(own, speed)
         if drives.turning is None:
             return drives.clamp(speed, ahead @ powers - stiffness @ angle - damping @ speed)
         back = (ahead - planned) @ powers - stiffness @ angle - damping @ speed
@@ -263,21 +274,22 @@ def _interval(
     rate: np.ndarray,
     lag: float,
 ) -> tuple[np.ndarray, ...]:
-    """q, v, a, tau, f and the motors' torques at NORMALISED_TIMES of one interval, integrated tightly, and the torques whose
-    rate is limited; rate (K, n) [N m/s]: of the plan's torques; lag [s]: within which these follow them."""
+    """q, v, a, tau, f, the motors' torques and the drives' states at NORMALISED_TIMES of one interval, integrated tightly;
+    rate (K, n) [N m/s]: of the plan's torques; lag [s]: within which torques of limited rate follow them."""
     first, h, limited = (BASE if contact else 0), t[-1] - t[0], list(drives.states.limited)
     m, ahead = len(state[0]) - first, (TO_POWERS @ rate[:, limited]).T
 
     def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
         q, v, own = x[:m], x[m : 2 * m], x[2 * m :]
-        tau = motor = torque(place, q[BASE - first :], v[BASE - first :])
-        toward = motor[limited] - own
+        tau = motor = torque(place, q[BASE - first :], v[BASE - first :], own)
+        toward = motor[limited] - own if limited else motor
         if limited:
             motor[limited] = own
             tau = motor = drives.clamp(v[BASE - first :], motor)
+        tau = drives.at_springs(own, motor, v[BASE - first :])
         if drives.gear or drives.turning:
             nowhere = np.zeros(first)
-            tau = drives.at_joints(machine, np.concatenate([nowhere, q]), np.concatenate([nowhere, v]), motor, contact)
+            tau = drives.at_joints(machine, np.concatenate([nowhere, q]), np.concatenate([nowhere, v]), tau, contact)
         if not contact:
             return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE), motor, own, toward
         q, v, a, f = machine.pinned(q, v, tau)
@@ -286,7 +298,8 @@ def _interval(
     def rates(place: float, x: np.ndarray) -> np.ndarray:
         _, v, a, *_, toward = motion(place, x)
         if not limited:
-            return h * np.concatenate([v[first:], a[first:]])
+            own = drives.states.rates(x[2 * m :], toward, v[BASE:])
+            return h * np.concatenate([v[first:], a[first:], own])
         changing = ahead @ (2 * place - 1) ** POWERS + toward / lag
         return h * np.concatenate(
             [v[first:], a[first:], np.clip(changing, *drives.states.bounds(x[2 * m :], v[BASE:]))]

@@ -4,6 +4,7 @@ Joint torques follow from inverse dynamics, so the equations of motion hold by c
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +16,7 @@ from hopopt.design.parameters import numbers_beside_leg
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import any_lossy
 from hopopt.errors import UsageError
-from hopopt.leg.dynamics import LegDynamics, LegMotion
+from hopopt.leg.dynamics import DriveMotion, LegDynamics, LegMotion
 from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_place
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import Scale, force_range, time_scale, weight
@@ -55,7 +56,7 @@ class MovingLeg:
         self.drive_states = added_states(self.leg, self.robot.parameters)
         if self.drive_states.size:
             self.free = [k for k in self.free if k not in self.drive_states.at]
-            if any_lossy(self.leg):
+            if any_lossy(self.leg) and len(self.drive_states.sprung) < len(self.drive_states.of):
                 raise UsageError(
                     f"{design.name}: drives with states of their own are planned with gears that lose nothing: leave out "
                     "leg.gear.efficiency, friction and damping"
@@ -72,8 +73,8 @@ class MovingLeg:
 
     @property
     def no_jumps(self) -> bool:
-        """Whether no torque can jump: all are states, whose rates are limited."""
-        return len(self.drive_states.limited) == self.n
+        """Whether no torque can jump: all are states whose rates are limited, or of springs."""
+        return self.drive_states.steady == self.n
 
     @cached_property
     def numbers(self) -> dict[str, float]:
@@ -104,7 +105,20 @@ class MovingLeg:
     def stance_motion(self, s: Instant) -> LegMotion:
         """The whole leg in stance."""
         force = s.loop_force if self.loops else None
-        return s.once("motion", lambda: self.dynamics(s).stance(s.q, s.v, self.joint_acceleration(s), force))
+        dynamics = self.dynamics(s)
+        return s.once("motion", lambda: self._driven(s, dynamics.stance(s.q, s.v, self.joint_acceleration(s), force)))
+
+    def _driven(self, s: Instant, m: LegMotion) -> LegMotion:
+        """The motion with drives behind series springs as they move themselves; where nothing is commanded, as it is."""
+        states = self.drive_states
+        if not states.sprung or not hasattr(s, "command"):
+            return m
+        d, own = m.drives, added_states(self.leg, s.p)
+        w, w_rate, tau = (ca.vertsplit(each) for each in (d.w, d.w_rate, d.tau))
+        rates = own.rates(ca.vertsplit(s.drive), self.commands(s), ca.vertsplit(s.v))
+        for k, place in states.sprung.items():
+            w[k], w_rate[k], tau[k] = s.drive[place], rates[place], tau[k] + own.rotors[k] * rates[place]
+        return replace(m, drives=DriveMotion(ca.vertcat(*w), ca.vertcat(*w_rate), ca.vertcat(*tau)))
 
     def stance_pose(self, s: Instant) -> tuple[ca.SX, ca.SX]:
         """q and v (2 + n) of body and joints in stance."""
@@ -148,7 +162,7 @@ class MovingLeg:
 
     def flight_motion(self, s: Instant) -> LegMotion:
         """The whole leg in flight."""
-        return s.once("motion", lambda: self._flying(s, self.flight_acceleration(s)))
+        return s.once("motion", lambda: self._driven(s, self._flying(s, self.flight_acceleration(s))))
 
     def acceleration(self, s: Instant) -> ca.SX:
         """Of all joints (n) [rad/s^2], at an instant of any phase."""

@@ -51,9 +51,15 @@ def total(e: Ends, what: str) -> ca.SX:
 
 
 def _power(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
-    """tau w of every joint [W], (n,)."""
-    m = motion(s)
-    return m.tau * m.v[BASE:]
+    """tau w of every joint [W], (n,); of the drive behind a series spring."""
+    m, sprung = motion(s), hop.drive_states.sprung
+    return (
+        ca.vertcat(
+            *[m.drives.tau[k] * m.drives.w[k] if k in sprung else m.tau[k] * m.v[BASE + k] for k in range(hop.n)]
+        )
+        if sprung
+        else m.tau * m.v[BASE:]
+    )
 
 
 def _of_motors(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:

@@ -17,9 +17,10 @@ from hopopt.planner.answer.touchdown import ClearedBox, Landing, Orbit, landing,
 from hopopt.planner.motion import Motion, Samples
 from hopopt.record import Real, Strict, if_any, stated
 from hopopt.verify.check import LIMIT
-from hopopt.verify.drives import JointLosses, SpringEnergy, SupplyFigures, losses, spring_energies, supply_figures
+from hopopt.verify.drives import JointLosses, SupplyFigures, losses, supply_figures
 from hopopt.verify.hops.collision import Collision, collision
 from hopopt.verify.hops.heat import JointHeat, heat_figures
+from hopopt.verify.springs.energy import SeriesSpringEnergy, SpringEnergy, series_spring_energies, spring_energies
 from hopopt.verify.upper_bound import UpperBound, upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -245,6 +246,10 @@ class MotionFigures:
     springs: Mapping[str, SpringEnergy] | None = if_any(
         "what each spring beside the drives stores and gives back, if the leg has any",
         lambda m: spring_energies(m.plan.robot, m.plan.tables) or None,
+    )
+    series_springs: Mapping[str, SeriesSpringEnergy] | None = if_any(
+        "what the series spring of each joint stores and gives back, if there is any",
+        lambda m: series_spring_energies(m.plan.robot, m.plan.tables) or None,
     )
     supply: SupplyFigures | None = if_any(
         "what the supply gives, if the problem has one", lambda m: supply_figures(m.plan.robot, m.plan.tables)

@@ -75,7 +75,7 @@ def along(
     numbers: Mapping[str, float] = NO_NUMBERS,
 ) -> np.ndarray:
     """The function's values (N, k, m) at the same normalised times of every interval."""
-    changing = len(added_states(robot.leg, robot.parameters).limited) == len(robot.joints)
+    changing = added_states(robot.leg, robot.parameters).steady == len(robot.joints)
     m = symbols(len(robot.joints), tuple(robot.points), False, numbers, kind(phase), table.f.shape[-1], changing)
     more, forces = [m.a, m.tau, m.f], [table.a, table.tau, table.f]
     if m.rates is not None:

@@ -13,8 +13,7 @@ from hopopt.leg.robot import Robot
 from hopopt.record import Real, Strict, if_any, stated
 from hopopt.verify.check import LIMIT as KEPT
 from hopopt.verify.check import Check
-from hopopt.verify.drives import over_time
-from hopopt.verify.table import NORMALISED_TIMES, POWERS, TO_POWERS, Table
+from hopopt.verify.table import NORMALISED_TIMES, POWERS, TO_POWERS, Table, over_time
 
 
 @dataclass(frozen=True)

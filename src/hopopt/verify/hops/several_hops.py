@@ -23,7 +23,7 @@ from hopopt.verify.hops.periodic import (
 )
 from hopopt.verify.plan import durations, largest, phase_checks
 from hopopt.verify.table import FLIGHT, STANCE, Table
-from hopopt.verify.whole_hop import simulated_hop
+from hopopt.verify.whole_hop import simulated_hop, state_of
 
 Tables = Mapping[str, Table]  # of one hop's phases; x and time count from where and when it began
 MISSED = 1e-3  # rad, and rad/s on the paper's leg: by which hops simulated in one piece may miss the orbit
@@ -61,7 +61,7 @@ def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables
     torques clamped to the drives; infinite if that cannot be."""
     first = hops[0][STANCE]
     drives = Drives.of(robot)
-    last = state = first.q[0, 0], first.v[0, 0], first.asked[0, 0, list(drives.states.limited)]
+    last = state = state_of(first)
     try:
         for tables in hops:
             _, last = simulated_hop(machine, drives, tables, state)
