@@ -18,7 +18,7 @@ from hopopt.control.strategies import Strategy
 from hopopt.control.tracking.track import Track
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.dynamics import added_states
+from hopopt.drivetrain.dynamics import added_states, refuse_series_springs
 from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.geometry.above import points_above_ground
 from hopopt.leg.kinematics import can_slip, planar, start_angles
@@ -107,8 +107,9 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
 
     It may slip if the problem has contact.friction and ``can_slip``. torque_gain as in ``Drive``, finer as in ``Plant``.
     Compiled equations of motion move it where they can: not on a vertical slider, nor with drives that have states of their
-    own. Raises UsageError for a leg that leaves the x-z plane.
+    own. Raises UsageError for a leg that leaves the x-z plane, or has series springs.
     """
+    refuse_series_springs(design.leg, "a simulation with a controller")
     if not planar(design.leg):
         raise UsageError(
             f"{design.name}: this leg leaves the x-z plane; hopopt solves and verifies its hop, but simulates only legs "

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design, refuse_landed
+from hopopt.drivetrain.dynamics import refuse_series_springs
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.global_search.equations.bilinear import Bilinear
@@ -45,6 +46,7 @@ def reduced(design: Design) -> Design:
     refuse_landed(design, "dynamic programming")
     if not two_joints(design.leg):
         raise UsageError(f"{design.name}: the reduced hop needs a leg of two joints in the x-z plane")
+    refuse_series_springs(design.leg, "dynamic programming")
     if not design.leg.direct:
         raise UsageError(
             f"{design.name}: the reduced hop has drives that turn as their joints do: leave out transmissions"

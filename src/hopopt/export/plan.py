@@ -14,6 +14,7 @@ import numpy as np
 from hopopt.control.closed_loop import make_plant
 from hopopt.control.setting import Setting
 from hopopt.control.tracking.track import Track
+from hopopt.drivetrain.dynamics import refuse_series_springs
 from hopopt.leg.kinematics import loop_axes
 from hopopt.leg.robot import BASE
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
@@ -98,6 +99,7 @@ def to_json(plan: TrackedPlan) -> str:
 
 def to_ros2(plan: TrackedPlan) -> str:
     """A trajectory_msgs/msg/JointTrajectory as YAML, a point for each control instant; effort is the planned torque."""
+    refuse_series_springs(plan.motion.design.leg, "a trajectory for ROS 2")
     s, joints = samples_at_control_rate(plan.motion), plan.motion.design.leg.joints
     torques = plan.motion.robot.joint_torques(s.q, s.command)
     lines = ["header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}", f"joint_names: {json.dumps(joints)}", "points:"]

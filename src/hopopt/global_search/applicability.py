@@ -28,7 +28,7 @@ def applies(design: Design) -> str | None:
         return "no guide lets the body rise"
     if has_shape(leg):
         return "it does not know what shape body and links have"
-    if not leg.direct:
+    if not leg.direct or leg.elastic:
         return "it knows no drives that turn otherwise than their joints"
     if any(leg.drive(joint, "motor", entry)[1] is not None for joint in leg.joints for entry in UNKNOWN):
         return "it knows neither caps on motors' power nor how hot motors get"

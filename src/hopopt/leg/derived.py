@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Design
+from hopopt.drivetrain.motor import reflected_inertia
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.kinematics import foot_jacobian, reach, start_angles
@@ -69,9 +70,10 @@ def derived(design: Design) -> LegFigures:
     links = np.diag(pin.crba(model, model.createData(), q))[BASE:] - model.armature[BASE:]
     held = robot.forces_at_rest(q)[BASE:] - lifts * heavy
     lifts, held = (robot.drive_torques(q, each) for each in (lifts, held))
+    spun = [reflected_inertia(design.leg, name, robot.parameters) for name in robot.joints]
     joints = tuple(
         JointFigures(name, *_drive(robot, name), float(rotor), float(link), float(torque))
-        for name, rotor, link, torque in zip(robot.joints, robot.rotors, links, held, strict=True)
+        for name, rotor, link, torque in zip(robot.joints, spun, links, held, strict=True)
     )
     pushes = [j.stall_torque / abs(by) for j, by in zip(joints, lifts, strict=True) if abs(by) > MOVED]
     return LegFigures(

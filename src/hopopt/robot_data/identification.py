@@ -18,6 +18,7 @@ import numpy as np
 from scipy import stats
 
 from hopopt.design import Design
+from hopopt.drivetrain.dynamics import refuse_series_springs
 from hopopt.errors import ResultError, UsageError
 from hopopt.leg.kinematics import planar
 from hopopt.problem.load import changed
@@ -119,6 +120,7 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
         raise UsageError(
             f"{design.name}: only legs on x and z guides whose joints all turn about the y axis are identified"
         )
+    refuse_series_springs(design.leg, "identification")
     if not design.leg.direct:
         raise UsageError(
             f"{design.name}: legs are identified whose drives turn as their joints do: leave out transmissions"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.kinematics import start_angles
@@ -39,16 +40,24 @@ def upper_bound(design: Design) -> UpperBound:
     start = float(at["com"][1] - at["foot"][1])
     power = sum(most_power(region) for region in regions)
     speeds = np.array([most_speed(region) for region in regions])
-    height, speed = _stretched(robot, speeds if robot.leg.direct else np.zeros(len(speeds)))
-    if not robot.leg.direct:
+    told = robot.leg.direct and not robot.leg.elastic
+    height, speed = _stretched(robot, speeds if told else np.zeros(len(speeds)))
+    if not told:
         speed = np.inf  # of a joint at any angle, which a speed of its drive does not tell
     downhill = machine.mass * abs(machine.gravity[0]) * (height + abs(float(at["com"][0] - at["foot"][0])))
-    sprung = robot.springs.most_given(q_j.tolist(), design.leg)
+    sprung = robot.springs.most_given(q_j.tolist(), design.leg) + _loaded(machine, q_j)
     given = design.hop.stance_duration[1] * power + downhill + sprung
     by_energy = np.inf if design.hop.periodic else start + given / weight
     by_speed = height + speed**2 / (2 * -machine.gravity[1])
     clearance = min(by_energy, by_speed) + _below_com(robot)
     return UpperBound(*map(float, (clearance, by_energy, by_speed, power, speed)))
+
+
+def _loaded(machine: Machine, q_j: np.ndarray) -> float:
+    """What series springs store at rest at joint angles q_j (n) [J]."""
+    states = added_states(machine.leg, machine.robot.parameters)
+    held = machine.stance_terms(q_j, np.zeros(len(q_j))).joint_bias if states.sprung else np.zeros(len(q_j))
+    return float(states.stored(states.at_rest(held)))
 
 
 def most_power(region: OperatingRegion) -> float:

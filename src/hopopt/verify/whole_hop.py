@@ -6,11 +6,10 @@ clamped exactly to the operating region at the actual speed. So the drives can d
 state and of the ground: by how much is stated.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from hopopt.design import Design, HopSettings, physical_parameters
 from hopopt.drivetrain.dynamics import added_states
@@ -22,23 +21,18 @@ from hopopt.record import Real, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.drives import Drives
+from hopopt.verify.hops.one_piece import LegState, simulated_hop, state_of
 from hopopt.verify.hops.periodic import closure, joints_at
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES, Measures
-from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, POWERS, STANCE, STANDING, TO_POWERS, Table
+from hopopt.verify.table import FLIGHT, STANCE, Table
 
-FEEDBACK_RATE = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
-FOLLOWS = 1e-3  # [s] on the paper's leg: within which a torque of limited rate follows the feedback
 MOST_SHORT_OF_CLAIM = 1e-4  # relative: what the simulated hop may fall short of the claim
-RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it slow
 # rad, and m, rad/s, m/s on the paper's leg: a hop that strayed further is another one and says nothing about the plan's value
 FOLLOWED = 1e-2
 SHARPER = 10.0  # times as sharply change gears that lose something, for what their smooth law may be worth
 VALUE = Check("simulated in one piece", float("nan"), MOST_SHORT_OF_CLAIM, "relative")  # of nothing as yet
 LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "of its range")
-
-LegState = tuple[np.ndarray, np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints, states of the drives
-Law = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motor torques [N m] from place, q, v, states
 
 
 @dataclass(frozen=True)
@@ -191,11 +185,6 @@ def _from_its_start(
         return None
 
 
-def state_of(table: Table) -> LegState:
-    """In which a phase begins."""
-    return table.q[0, 0], table.v[0, 0], np.zeros(0) if table.drive is None else table.drive[0, 0]
-
-
 def _values(
     machine: Machine, robot: Robot, hop: HopSettings, tables: Mapping[str, Table], figure: str
 ) -> dict[str, float]:
@@ -209,107 +198,3 @@ def _clearance(machine: Machine, q: np.ndarray) -> float:
     """Height of the lowest of joints and foot [m] at q (2 + n)."""
     heights = machine.points(q)
     return min(float(heights[name][1]) for name in machine.frames)
-
-
-def simulated_hop(
-    machine: Machine, drives: Drives, tables: Mapping[str, Table], state: LegState
-) -> tuple[dict[str, Table], LegState]:
-    """The phases of a hop one after the other from ``state``: their tables, and the state in which the last ends."""
-    found = dict[str, Table]()
-    for name, table in tables.items():
-        if name == LANDING:
-            state = state[0], machine.touch_down(*state[:2]), state[2]
-        found[name], state = _simulated(machine, drives, table, state, name in STANDING)
-    return found, state
-
-
-def _simulated(machine: Machine, drives: Drives, plan: Table, state: LegState, contact: bool) -> tuple[Table, LegState]:
-    """One phase from ``state``: its table, and the state in which it ends."""
-    rows, unit = list[tuple[np.ndarray, ...]](), Scale.of(machine.leg).time
-    for k in range(len(plan.t)):
-        torque = _law(machine, drives, plan, k, contact, unit)
-        rows.append(_interval(machine, drives, torque, plan.t[k], state, contact, plan.asked_rate[k], FOLLOWS * unit))
-        state = rows[-1][0][-1], rows[-1][1][-1], rows[-1][-1][-1]
-    q, v, a, tau, f, motor, own = (np.array(part) for part in zip(*rows, strict=True))
-    apart = drives.gear or drives.turning or drives.states.sprung
-    return Table(plan.t, q, v, a, tau, f, motor if apart else None, own if drives.states.size else None), state
-
-
-def _law(machine: Machine, drives: Drives, plan: Table, k: int, contact: bool, unit: float) -> Law:
-    """The plan's torque in its interval k, kept to its motion, of drives behind series springs theirs, by feedback and within
-    the regions; ``unit`` of time [s]."""
-    q, v, tau = plan.q[k], plan.v[k], plan.asked[k]
-    x = np.zeros((len(q), 0)) if plan.drive is None else plan.drive[k]
-    inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
-    rate = FEEDBACK_RATE / unit
-    stiffness, damping = rate**2 * inertia, 2 * rate * inertia
-    toward = drives.angles(q[:, BASE:], x) @ stiffness.T + drives.states.speeds(x, v[:, BASE:]) @ damping.T
-    ahead, planned = (TO_POWERS @ (tau + toward)).T, (TO_POWERS @ tau).T
-
-    def torque(place: float, angle: np.ndarray, speed: np.ndarray, own: np.ndarray) -> np.ndarray:
-        powers = (2 * place - 1) ** POWERS
-        if drives.states.sprung:
-            angle, speed = drives.angles(angle, own), drives.states.speeds(own, speed)
-        if drives.turning is None:
-            return drives.clamp(speed, ahead @ powers - stiffness @ angle - damping @ speed)
-        back = (ahead - planned) @ powers - stiffness @ angle - damping @ speed
-        return drives.clamp(drives.speeds(angle, speed), planned @ powers + drives.asked(angle, back))
-
-    return torque
-
-
-def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
-    """Inertia that acts on the joints while the body is free, (n, n)."""
-    M = machine.mass_matrix(q)
-    return M[BASE:, BASE:] - M[BASE:, :BASE] @ np.linalg.solve(M[:BASE, :BASE], M[:BASE, BASE:])
-
-
-def _interval(
-    machine: Machine,
-    drives: Drives,
-    torque: Law,
-    t: np.ndarray,
-    state: LegState,
-    contact: bool,
-    rate: np.ndarray,
-    lag: float,
-) -> tuple[np.ndarray, ...]:
-    """q, v, a, tau, f, the motors' torques and the drives' states at NORMALISED_TIMES of one interval, integrated tightly;
-    rate (K, n) [N m/s]: of the plan's torques; lag [s]: within which torques of limited rate follow them."""
-    first, h, limited = (BASE if contact else 0), t[-1] - t[0], list(drives.states.limited)
-    m, ahead = len(state[0]) - first, (TO_POWERS @ rate[:, limited]).T
-
-    def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
-        q, v, own = x[:m], x[m : 2 * m], x[2 * m :]
-        tau = motor = torque(place, q[BASE - first :], v[BASE - first :], own)
-        toward = motor[limited] - own if limited else motor
-        if limited:
-            motor[limited] = own
-            tau = motor = drives.clamp(v[BASE - first :], motor)
-        tau = drives.at_springs(own, motor, v[BASE - first :])
-        if drives.gear or drives.turning:
-            nowhere = np.zeros(first)
-            tau = drives.at_joints(machine, np.concatenate([nowhere, q]), np.concatenate([nowhere, v]), tau, contact)
-        if not contact:
-            return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE), motor, own, toward
-        q, v, a, f = machine.pinned(q, v, tau)
-        return q, v, a, tau, f, motor, own, toward
-
-    def rates(place: float, x: np.ndarray) -> np.ndarray:
-        _, v, a, *_, toward = motion(place, x)
-        if not limited:
-            own = drives.states.rates(x[2 * m :], toward, v[BASE:])
-            return h * np.concatenate([v[first:], a[first:], own])
-        changing = ahead @ (2 * place - 1) ** POWERS + toward / lag
-        return h * np.concatenate(
-            [v[first:], a[first:], np.clip(changing, *drives.states.bounds(x[2 * m :], v[BASE:]))]
-        )
-
-    x0 = np.concatenate([state[0][first:], state[1][first:], state[2]])
-    run = solve_ivp(
-        rates, (0.0, 1.0), x0, "DOP853", t_eval=NORMALISED_TIMES, rtol=RELATIVE, atol=ABSOLUTE, first_step=1.0
-    )
-    if not run.success or not np.isfinite(run.y).all():
-        raise ArithmeticError("the leg cannot be integrated")
-    samples = [motion(place, x) for place, x in zip(run.t, run.y.T, strict=True)]
-    return tuple(np.array(part) for part in zip(*samples, strict=True))[:-1]

@@ -85,9 +85,12 @@ def drive_lines(s: Summary) -> list[str]:
 def spring_lines(s: Summary) -> list[str]:
     """What each spring stores and gives back in stance."""
     return [
-        f"spring {name}: {e.at_start_J:.1f} J stored at the start, {e.taken_J:.1f} J taken up and {e.given_J:.1f} J given in stance, "
+        f"{name}: {e.at_start_J:.1f} J stored at the start, {e.taken_J:.1f} J taken up and {e.given_J:.1f} J given in stance, "
         f"at most {e.peak_torque_Nm:.3g} N m"
-        for name, e in (s.springs or {}).items()
+        for name, e in {
+            **{f"spring {name}": e for name, e in (s.springs or {}).items()},
+            **{f"series spring of the {joint}": e for joint, e in (s.series_springs or {}).items()},
+        }.items()
     ]
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import unit
+from hopopt.drivetrain.dynamics import refuse_series_springs
 from hopopt.drivetrain.heat import REFERENCE, TwoBodies
 from hopopt.drivetrain.motor import voltage_line
 from hopopt.drivetrain.operating_region.region import operating_region
@@ -259,6 +260,7 @@ def _mjcf_inertial(body: ET.Element, content: MovingBody) -> None:
 
 
 def _bodies(robot: Robot) -> list[MovingBody]:
+    refuse_series_springs(robot.leg, "a URDF or MJCF")
     return link_bodies(robot.leg, robot.parameters)
 
 

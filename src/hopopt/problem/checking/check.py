@@ -12,6 +12,7 @@ from hopopt.problem.checking.drive_rules import (
     drive_rules,
     heat_rules,
     loss_rules,
+    series_rules,
     spring_rules,
     transmission_rules,
 )  # fmt: skip
@@ -54,6 +55,7 @@ def check(data: dict[str, Any], report: Report, without_modules: bool = False) -
     if leg := sound("leg"):
         drive_rules(leg, report)
         transmission_rules(leg, report)
+        series_rules(leg, report)
         shape_rules(leg, report)
         spring_rules(leg, report)
     if design and sound("leg"):

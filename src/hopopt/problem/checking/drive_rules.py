@@ -10,7 +10,7 @@ from hopopt.design import Leg, Simulation, physical_parameters
 from hopopt.design.leg import Supply
 from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.drivetrain.heat import BODIES, LIMIT
-from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking
+from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking, reflected_inertia
 from hopopt.drivetrain.operating_region.limits import Entry
 from hopopt.drivetrain.springs import joints_of, rounding
 from hopopt.drivetrain.supply import WINDING
@@ -98,6 +98,23 @@ def transmission_rules(leg: Leg, report: Report) -> None:
                 report.add(f"{path}.coupling.{other}", f"names no other joint of the leg: allowed are {others}")
     if not report.faults:
         _apart_rules(leg, report)
+
+
+def series_rules(leg: Leg, report: Report) -> None:
+    """Report series springs beside what their drives cannot have, or with no rotor to hold against them."""
+    for joint in leg.elastic:
+        path, p = f"leg.{joint}.series_spring", physical_parameters(leg)
+        if not reflected_inertia(leg, joint, p):
+            rotor = leg.drive(joint, "motor", "rotor_inertia")[0]
+            report.add(path, f"needs a drive with inertia: give {rotor}, which is 0")
+        if not leg.direct:
+            between = next(name for name in leg.joints if leg.joint[name].transmission is not None)
+            report.add(path, f"does not go with leg.{between}.transmission: leave out the one or the other")
+        for other, entry in product(leg.joints, ("torque_rate", INDUCTANCE)):
+            at, value = leg.drive(other, "motor", entry)
+            if value is not None:
+                report.add(path, f"does not go with {at} = {value:g}: leave out the one or the other")
+                break
 
 
 def _moving_rules(leg: Leg, joint: str, path: str, report: Report) -> None:

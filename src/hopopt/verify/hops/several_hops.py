@@ -12,6 +12,7 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.check import EXACT, Check
 from hopopt.verify.drives import Drives
 from hopopt.verify.hops.landing import lift_off
+from hopopt.verify.hops.one_piece import simulated_hop, state_of
 from hopopt.verify.hops.periodic import (
     CLOSED,
     Touchdown,
@@ -23,7 +24,6 @@ from hopopt.verify.hops.periodic import (
 )
 from hopopt.verify.plan import durations, largest, phase_checks
 from hopopt.verify.table import FLIGHT, STANCE, Table
-from hopopt.verify.whole_hop import simulated_hop, state_of
 
 Tables = Mapping[str, Table]  # of one hop's phases; x and time count from where and when it began
 MISSED = 1e-3  # rad, and rad/s on the paper's leg: by which hops simulated in one piece may miss the orbit
