@@ -185,7 +185,7 @@ def test_a_leg_is_the_same_from_both_files(name: str) -> None:
         ('mass="0.4"', 'mass="4e9"', 'body "shank" has mass="4e9": 1e+06 at most is allowed'),
         ('euler="-10 0 0"', 'euler="-10 0"', 'body "thigh" has euler="-10 0": 3 numbers with blanks between is needed'),
         ("<actuator>", '<equality><connect body1="cuff" body2="trunk" anchor="0 0 0"/></equality><actuator>', 'closes a loop in the leg by <connect> of "cuff" and "trunk"'),
-        ("<actuator>", '<equality><joint joint1="kfe" joint2="hfe"/></equality><actuator>', 'joint "kfe" mimics another one'),
+        ("<actuator>", '<equality><joint joint1="kfe" joint2="hfe"/></equality><actuator>', 'joint "kfe" mimics "hfe": leave it out of leg.joints'),
         ("<mujoco", '<!DOCTYPE x [<!ENTITY a "b">]><mujoco', "declares a document type or entities, which no MJCF needs"),
         ('name="toe"', 'name="tip"', 'has no "toe" for leg.foot_frame'),
     ],

@@ -101,9 +101,9 @@ def test_a_finger_that_mimics_another_one_is_locked_like_any_other(read: Any) ->
     assert leg.body.mass == pytest.approx(4.3, abs=1e-12)
 
 
-def test_a_joint_of_the_leg_mimics_none_and_is_mimicked_by_none(read: Any) -> None:
+def test_a_joint_that_mimics_is_left_out_of_the_joints_of_a_leg_and_follows_none_from_beside_it(read: Any) -> None:
     knee = joint("knee", "thigh", "shank", "0 0 -0.2", inside=LIMIT + MIMIC.format("hip"))
-    assert 'joint "knee" mimics another one' in refusal(read, robot(knee=knee))
+    assert 'joint "knee" mimics "hip": leave it out of leg.joints' in refusal(read, robot(knee=knee))
     rod = FINGER + joint("rod", "thigh", "finger", inside=LIMIT + MIMIC.format("knee"))
     assert 'joint "rod" mimics "knee" of the leg' in refusal(read, robot(rod))
 

@@ -25,6 +25,7 @@ from hopopt.design.fields import (
     points_fault,
     quantity,
 )
+from hopopt.design.geometry.link_joint import LinkJoint, follower
 from hopopt.design.geometry.parts import MOST_SPRINGS, Body, Link, Spring
 from hopopt.design.hop import GRAVITY
 
@@ -242,6 +243,30 @@ class Leg(Section):
     def elastic(self) -> tuple[str, ...]:
         """Joints with a spring between them and their drives."""
         return tuple(name for name in self.joints if self.joint[name].series_spring is not None)
+
+    @property
+    def link_joints(self) -> tuple[LinkJoint, ...]:
+        """The joint of each link, from the body to the foot."""
+        own, found = iter(self.joints), list[LinkJoint]()
+        for name in self.links:
+            if (follows := self.link[name].follows) is not None:
+                number, axis = self.joints.index(follows.joint), unit(follows.axis)
+                ratio = follows.ratio, follows.offset
+                found.append(LinkJoint(follower(name), axis, False, number, *ratio, follows=True))
+                continue
+            joint = next(own)
+            found.append(LinkJoint(joint, unit(self.joint[joint].axis), False, self.joints.index(joint)))
+        return tuple(found)
+
+    @property
+    def pivots(self) -> tuple[str, ...]:
+        """Names of the points where links begin, from the body to the foot."""
+        return tuple(at.name for at in self.link_joints)
+
+    @property
+    def follows(self) -> bool:
+        """Whether the joint of any link follows another one."""
+        return any(link.follows is not None for link in self.link.values())
 
     @property
     def has_trunk(self) -> bool:

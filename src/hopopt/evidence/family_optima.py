@@ -200,7 +200,7 @@ def _shape(p: _Program, stance: PhaseTrajectory) -> np.ndarray:
 
 
 def _poses(plan: Motion) -> np.ndarray:
-    names = (*plan.design.leg.joints, "foot")
+    names = (*plan.design.leg.pivots, "foot")
     each = (plan.sample_phase(STANCE, np.array(POSE_SHARES) * plan.lift_off), plan.apex)
     return np.concatenate([np.stack([s.points[name] for name in names], axis=1) for s in each])
 

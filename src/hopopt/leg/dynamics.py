@@ -29,7 +29,7 @@ from hopopt.drivetrain.springs import Springs
 from hopopt.drivetrain.transmission import turned
 from hopopt.leg.kinematics import PLANE, contact_axes, loop_axes
 from hopopt.leg.rigid_body import com_position, frames, point_position, rnea
-from hopopt.leg.robot import BASE, Robot, link_bodies, link_points
+from hopopt.leg.robot import BASE, Robot, armatures, link_bodies, link_points
 
 PLANE_ROWS = list(PLANE)
 
@@ -88,7 +88,7 @@ class LegDynamics:
             forces = rnea(self.robot.model, self.bodies, q, v, a)
         else:
             bare = [replace(body, armature=0.0) for body in self.bodies]
-            rotors = ca.vertcat(*[body.armature for body in self.bodies[BASE:]])
+            rotors = ca.vertcat(*armatures(self.bodies)[BASE:])
             drives = turned(self.robot.leg, self.p, q[BASE:], v[BASE:], a[BASE:])
             forces = rnea(self.robot.model, bare, q, v, a)
             joints += drives.jacobian.T @ (rotors * drives.w_rate)

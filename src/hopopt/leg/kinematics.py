@@ -31,8 +31,8 @@ def joint_frames(leg: Leg, q_j: Sequence[float] | np.ndarray) -> tuple[list[np.n
     joint angles q_j (..., n) [rad]."""
     q = np.asarray(q_j, dtype=float)
     turn, points, turns = np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)), [np.zeros((*q.shape[:-1], 3))], []
-    for k, (joint, link) in enumerate(zip(leg.joints, leg.links, strict=True)):
-        turn = turn @ _rotation(unit(leg.joint[joint].axis), q[..., k])
+    for at, link in zip(leg.link_joints, leg.links, strict=True):
+        turn = turn @ _rotation(at.axis, at.place(q[..., at.coordinate]))
         points.append(points[-1] + turn @ _vector(leg, link))
         turns.append(turn)
     return points, turns
@@ -51,6 +51,13 @@ def _vector(leg: Leg, link: str) -> np.ndarray:
     return leg.link[link].length * np.array(unit(leg.link[link].direction))
 
 
+def link_ends(leg: Leg) -> np.ndarray:
+    """From each link's joint to the next one, or to the foot, in the link's own frame, (links, 3) [m]."""
+    if leg.follows:
+        return np.array([_vector(leg, link) for link in leg.links])
+    return np.diff(joint_positions(leg, np.zeros(len(leg.joints))), axis=0)
+
+
 def foot_offset(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
     """Foot position (x, z) [m] relative to the body for joint angles q_j [rad]."""
     return joint_positions(leg, q_j)[..., -1, [0, 2]]
@@ -58,19 +65,19 @@ def foot_offset(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
 
 def planar(leg: Leg) -> bool:
     """Whether the leg moves in a plane along x and z: every joint turns about the y axis."""
-    return all(abs(unit(leg.joint[name].axis)[1]) == 1 for name in leg.joints)
+    return all(abs(at.axis[1]) == 1 for at in leg.link_joints)
 
 
 def can_slip(leg: Leg) -> bool:
-    """Whether slipping is simulated for a leg: on x and z guides, every joint turning in their plane. Other feet stay, and
-    the friction that this needs is reported."""
-    return planar(leg) and "x" in leg.guides
+    """Whether slipping is simulated for a leg: on x and z guides, every joint turning in their plane by its own drive. Other
+    feet stay, and the friction that this needs is reported."""
+    return planar(leg) and "x" in leg.guides and not leg.follows
 
 
 def two_joints(leg: Leg) -> bool:
     """Whether the leg is one of two joints that moves, with both links, in the plane: what ``TwoJoints`` needs."""
     across = [np.hypot(*np.array(unit(leg.link[name].direction))[[0, 2]]) for name in leg.links]
-    return len(leg.joints) == 2 and planar(leg) and min(across) >= IN_PLANE_SHARE
+    return len(leg.joints) == 2 and not leg.follows and planar(leg) and min(across) >= IN_PLANE_SHARE
 
 
 def contact_axes(leg: Leg) -> tuple[int, ...]:
@@ -96,15 +103,11 @@ def dependent_joints(design: Design) -> tuple[int, ...]:
 
 def foot_jacobian(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
     """Derivative of the foot's place from the body by the joint angles, (3, n) [m/rad]."""
-    q, turn = np.asarray(q_j, dtype=float), np.eye(3)
-    positions, axes = joint_positions(leg, q), []
-    for k, joint in enumerate(leg.joints):
-        axis = np.array(unit(leg.joint[joint].axis))
-        axes.append(turn @ axis)
-        turn = turn @ _rotation(axis, q[k])  # type: ignore[arg-type]
-    return np.stack(
-        [np.cross(axis, positions[-1] - place) for axis, place in zip(axes, positions, strict=False)], axis=1
-    )
+    q, found = np.asarray(q_j, dtype=float), np.zeros((3, len(leg.joints)))
+    points, turns = joint_frames(leg, q)
+    for at, place, turn in zip(leg.link_joints, points, turns, strict=False):
+        found[:, at.coordinate] += at.ratio * np.cross(turn @ at.axis, points[-1] - place)
+    return found
 
 
 def reach(leg: Leg) -> float:

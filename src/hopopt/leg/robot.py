@@ -4,8 +4,8 @@
 the Pinocchio model is built from it with numbers, the planner's recursion (rigid_body) with symbols.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Leg, physical_parameters, unit
+from hopopt.design.geometry.link_joint import LinkJoint
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.motor import reflected_inertia
 from hopopt.drivetrain.springs import Springs
@@ -21,6 +22,7 @@ from hopopt.leg.geometry.solids import counted_points
 from hopopt.leg.inertia import PAIRS, tensor
 
 BASE = 2  # coordinates of the body: x and z; on a vertical slider x keeps its value
+GUIDES = LinkJoint("x", (1.0, 0.0, 0.0), True, 0), LinkJoint("z", (0.0, 0.0, 1.0), True, 1)
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,8 @@ class MovingBody:
 
     placement: its joint in the parent joint's frame [m], whose axes are parallel when all angles are zero; com:
     centre of mass in its own frame [m]; inertia: moments xx, yy, zz and products xy, xz, yz about the com
-    [kg m^2]; armature: rotor inertia reflected through the joint's gear [kg m^2], none behind a series spring.
+    [kg m^2]; armature: rotor inertia reflected through the joint's gear [kg m^2], none behind a series spring or of a joint
+    that follows; joint: how it moves, by which of the coordinates (x, z, joint angles).
     """
 
     placement: tuple[Any, ...]
@@ -37,6 +40,7 @@ class MovingBody:
     com: tuple[Any, ...]
     inertia: tuple[Any, ...]
     armature: Any
+    joint: LinkJoint
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ class Robot:
     def rotors(self) -> np.ndarray:
         """Reflected inertias of what spins in front of the gears as the joints turn (n) [kg m^2], none behind series springs: in
         ``model`` where drives turn as joints do."""
-        return np.array([float(body.armature) for body in link_bodies(self.leg, self.parameters)[BASE:]])
+        return np.array([float(each) for each in armatures(link_bodies(self.leg, self.parameters))[BASE:]])
 
     @cached_property
     def turning(self) -> Turning | None:
@@ -98,17 +102,23 @@ class Robot:
 def link_bodies(leg: Leg, p: Mapping[str, Any]) -> list[MovingBody]:
     """One body for each joint (guides x and z, then the chain) from parameter values or symbols ``p``."""
     origin, still = (0.0, 0.0, 0.0), (0.0,) * 6
-    bodies = [MovingBody(origin, 0.0, origin, still, 0.0), MovingBody(origin, p["leg.body.mass"], origin, still, 0.0)]
+    masses = 0.0, p["leg.body.mass"]
+    bodies = [MovingBody(origin, m, origin, still, 0.0, at) for m, at in zip(masses, GUIDES, strict=True)]
     above: tuple[Any, ...] = origin
-    for joint, link in zip(leg.joints, leg.links, strict=True):
+    for at, link in zip(leg.link_joints, leg.links, strict=True):
         length, mass = p[f"leg.{link}.length"], p[f"leg.{link}.mass"]
         com = leg.link[link].com_position or _along(leg, link, p.get(f"leg.{link}.com", 0.5 * length))
         across = p.get(f"leg.{link}.inertia", mass * length**2 / 12)
         inertia = leg.link[link].inertia_tensor or _rod(leg, link, across)
-        rotor = 0.0 if joint in leg.elastic else reflected_inertia(leg, joint, p)
-        bodies.append(MovingBody(above, mass, com, inertia, rotor))
+        rotor = 0.0 if at.follows or at.name in leg.elastic else reflected_inertia(leg, at.name, p)
+        bodies.append(MovingBody(above, mass, com, inertia, rotor, replace(at, coordinate=BASE + at.coordinate)))
         above = _along(leg, link, length)
     return bodies
+
+
+def armatures(bodies: Sequence[MovingBody]) -> list[Any]:
+    """What rotors add to the inertia of each coordinate, (BASE + n)."""
+    return [body.armature for body in bodies if not body.joint.follows]
 
 
 def _along(leg: Leg, link: str, distance: Any) -> tuple[Any, ...]:
@@ -126,10 +136,10 @@ def _rod(leg: Leg, link: str, across: Any) -> tuple[Any, ...]:
 def link_points(leg: Leg, p: Mapping[str, Any]) -> dict[str, tuple[int, tuple[Any, ...]]]:
     """Where each joint and the foot sit, and what else may be lowest: name -> (Pinocchio joint index, offset in its frame [m])."""
     points: dict[str, tuple[int, tuple[Any, ...]]] = {
-        name: (BASE + 1 + k, (0.0, 0.0, 0.0)) for k, name in enumerate(leg.joints)
+        name: (BASE + 1 + k, (0.0, 0.0, 0.0)) for k, name in enumerate(leg.pivots)
     }
     last = leg.links[-1]
-    points["foot"] = (BASE + len(leg.joints), _along(leg, last, p[f"leg.{last}.length"]))
+    points["foot"] = (BASE + len(leg.links), _along(leg, last, p[f"leg.{last}.length"]))
     return points | {name: (BASE + 1 + joint, place) for name, joint, place in counted_points(leg)}
 
 
@@ -138,17 +148,26 @@ def build_robot(leg: Leg, parameters: Mapping[str, float] | None = None) -> Robo
     p = {**physical_parameters(leg), **(parameters or {})}
     model, bodies = pin.Model(), link_bodies(leg, p)
     model.gravity.linear = np.array(leg.fall)
-    kinds = [pin.JointModelPX(), pin.JointModelPZ()]
-    kinds += [pin.JointModelRevoluteUnaligned(np.array(unit(leg.joint[name].axis))) for name in leg.joints]
-    for name, kind, body in zip(("x", "z", *leg.joints), kinds, bodies, strict=True):
+    for body in bodies:
         placement = pin.SE3(np.eye(3), np.array(body.placement))
-        index = model.addJoint(model.njoints - 1, kind, placement, name)
+        index = model.addJoint(model.njoints - 1, _joint_model(body.joint), placement, body.joint.name)
         inertia = pin.Inertia(body.mass, np.array(body.com), np.array(tensor(body.inertia), dtype=float))
         model.appendBodyToJoint(index, inertia, pin.SE3.Identity())
     if leg.direct:
-        model.armature = np.array([float(body.armature) for body in bodies])
+        model.armature = np.array([float(each) for each in armatures(bodies)])
     points = link_points(leg, p)
     for name, (index, offset) in points.items():
         frame = pin.Frame(f"point_{name}", index, pin.SE3(np.eye(3), np.array(offset)), pin.FrameType.OP_FRAME)
         model.addFrame(frame)
     return Robot(leg, model, points, p)
+
+
+def _joint_model(joint: LinkJoint) -> Any:
+    """A joint as Pinocchio has it."""
+    if joint.slides:
+        return {"x": pin.JointModelPX, "z": pin.JointModelPZ}[joint.name]()
+    own = pin.JointModelRevoluteUnaligned(np.array(joint.axis))
+    if not joint.follows:
+        return own
+    own.setIndexes(0, joint.coordinate, joint.coordinate)  # of the joint that it follows
+    return pin.JointModelMimic(pin.JointModel(own), joint.ratio, joint.offset)

@@ -14,7 +14,7 @@ from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, sag, share_at
 from hopopt.errors import UsageError
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.robot import BASE
+from hopopt.leg.robot import BASE, armatures
 from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.guesses.motion import STANCE, MotionAt, MovingLeg
 from hopopt.ocp.problem import BoundaryConstraint, Control, Ends, Instant, Phase, State, linkage
@@ -35,7 +35,7 @@ def motor_torques(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX
             asked = leg.asked_torques(s)
             tau = [asked[k] if k in leg.drive_states.at else tau[k] for k in range(leg.n)]
         for k in lossy:
-            gear, rotor = Gear.of(leg.leg, leg.leg.joints[k], p), leg.dynamics(s).bodies[BASE + k].armature
+            gear, rotor = Gear.of(leg.leg, leg.leg.joints[k], p), armatures(leg.dynamics(s).bodies)[BASE + k]
             tau[k] = motor_torque(gear, m.tau[k], m.w[k], m.w_rate[k], rotor)
         return ca.vertcat(*tau)
 

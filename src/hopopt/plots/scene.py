@@ -20,6 +20,7 @@ import pinocchio as pin
 from hopopt.errors import MissingExtraError, UsageError
 from hopopt.leg.files.urdf_visuals import BODY, Visual
 from hopopt.leg.geometry.solids import BESIDE, solids
+from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.planner.motion import Motion
 
@@ -52,7 +53,7 @@ class HopScene:
         self.playing = False
         self._stage()
         self.links: dict[str, Any] = {
-            name: server.scene.add_frame(f"/leg/{name}", show_axes=False) for name in ("body", *hop.robot.joints)
+            name: server.scene.add_frame(f"/leg/{name}", show_axes=False) for name in ("body", *hop.robot.leg.pivots)
         }
         self.drawn = self._dress(looks)
         self.shapes = self._shapes()
@@ -80,7 +81,7 @@ class HopScene:
 
     def _dress(self, looks: Sequence[Visual]) -> dict[str, str]:
         """Meshes and simple bodies into their frames; cylinders for links that have none."""
-        names, worn = ("body", *self._robot.joints), set[int]()
+        names, worn = ("body", *self._robot.leg.pivots), set[int]()
         for k, look in enumerate(looks):
             mesh = _mesh(look)
             if mesh is not None:
@@ -98,7 +99,7 @@ class HopScene:
 
     def _shapes(self) -> dict[str, Any]:
         """What collides, half transparent in the frame of what moves it, by name."""
-        trimesh, names, found = import_module("trimesh"), ("body", *self._robot.joints), dict[str, Any]()
+        trimesh, names, found = import_module("trimesh"), ("body", *self._robot.leg.pivots), dict[str, Any]()
         for k, solid in enumerate(solids(self._robot.leg)):
             ball = trimesh.creation.icosphere(1, solid.radius).vertices if solid.radius else np.zeros((1, 3))
             points = solid.points * [1.0, self._drawn_width(solid.points), 1.0]
@@ -133,7 +134,7 @@ class HopScene:
 
     def _end_of(self, joint: int) -> np.ndarray:
         """From a joint to the next one, or to the foot, in the joint's frame (3) [m]."""
-        names = (*self._robot.joints, "foot")
+        names = (*self._robot.leg.pivots, "foot")
         if names[joint + 1] == "foot":
             return np.array(self._robot.points["foot"][1], dtype=float)
         return self._robot.model.jointPlacements[self._robot.points[names[joint + 1]][0]].translation
@@ -165,9 +166,9 @@ class HopScene:
             q = (1 - share) * self._q[k - 1] + share * self._q[k]
             force = (1 - share) * self._force[k - 1] + share * self._force[k]
             pin.framesForwardKinematics(self._robot.model, self._data, q)
-            body = self._data.oMi[self._robot.points[self._robot.joints[0]][0]].translation
+            body = self._data.oMi[BASE].translation
             self.links["body"].position = tuple(body)
-            for name in self._robot.joints:
+            for name in self._robot.leg.pivots:
                 place = self._data.oMi[self._robot.points[name][0]]
                 self.links[name].position = tuple(place.translation)
                 self.links[name].wxyz = _quaternion(place.rotation)

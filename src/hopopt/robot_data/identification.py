@@ -125,6 +125,10 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
         raise UsageError(
             f"{design.name}: legs are identified whose drives turn as their joints do: leave out transmissions"
         )
+    if design.leg.follows:
+        raise UsageError(
+            f"{design.name}: legs are identified all of whose joints have drives: leave out follows of links"
+        )
     unknowns = unknowns_of(design)
     wrong = [key for key in known if key not in [u.key for u in unknowns]]
     if wrong:

@@ -76,6 +76,9 @@ class Machine:
     def __init__(self, robot: Robot):
         self.robot, self.model, self.data, self.n = robot, robot.model, robot.model.createData(), len(robot.joints)
         self.leg, self.turning = robot.leg, robot.turning
+        self._plain = (
+            self.turning is None and not robot.leg.follows
+        )  # else Pinocchio's forward dynamics does not know it
         self.contact = list(contact_axes(robot.leg))
         self.held = [] if "x" in robot.leg.guides else [0]  # coordinates of the body that no guide lets move
         self.frames = {name: self.model.getFrameId(f"point_{name}") for name in robot.points}
@@ -117,7 +120,7 @@ class Machine:
     def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> np.ndarray:
         """Forward dynamics [rad/s^2, m/s^2]; in contact the foot's acceleration is held at zero."""
         forces = self._forces(q, tau)
-        if not contact and not self.held and not self.turning:
+        if not contact and not self.held and self._plain:
             return pin.aba(self.model, self.data, q, v, forces)
         return self._constrained(q, v, forces, *self._held_still(q, v, contact))[0]
 
@@ -125,7 +128,7 @@ class Machine:
         self, q: np.ndarray, v: np.ndarray, forces: np.ndarray, rows: np.ndarray, drift: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Accelerations under forces where rows @ a + drift = 0, and the forces along these rows."""
-        if not self.turning:
+        if self._plain:
             a = pin.forwardDynamics(self.model, self.data, forces, rows, drift)
             return a, self.data.lambda_c.copy()
         M, rows = self.mass_matrix(q), rows.copy()
@@ -149,9 +152,12 @@ class Machine:
         """Rows of what must not accelerate, in contact the foot's along the contact force, then what no guide lets move;
         and their accelerations [m/s^2] if no coordinate accelerates. The equations of motion are ready in ``data``."""
         pin.forwardKinematics(self.model, self.data, q, v, self._nothing)
-        pin.computeAllTerms(self.model, self.data, q, v)
+        if self._plain:
+            pin.computeAllTerms(self.model, self.data, q, v)
         if not contact:
             return self._held_rows, np.zeros(len(self.held))
+        if not self._plain:
+            pin.computeJointJacobians(self.model, self.data, q)
         J = pin.getFrameJacobian(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)[self._axes]
         foot = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)
         drift = foot.linear[self._axes]
@@ -251,6 +257,15 @@ class Machine:
     def energy(self, q: np.ndarray, v: np.ndarray) -> float:
         """Kinetic (with the rotors') and potential energy (with the springs') [J]."""
         rotors = 0.5 * float(np.sum(self.robot.rotors * self.robot.drive_speeds(q, v) ** 2))
-        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
         stored = self.robot.springs.energy(list(q[BASE:]))
-        return kinetic + rotors + pin.computePotentialEnergy(self.model, self.data, q) + float(stored)
+        return self._links_energy(q, v) + rotors + float(stored)
+
+    def _links_energy(self, q: np.ndarray, v: np.ndarray) -> float:
+        """Kinetic and potential energy of body and links [J]."""
+        if self.leg.follows:  # which Pinocchio's energies do not know
+            self.com_velocity(q, v)
+            bodies = zip(self.model.inertias[1:], self.data.v[1:], strict=True)
+            fall = self.model.gravity.linear @ self.data.com[0]
+            return sum(body.vtiv(speed) for body, speed in bodies) / 2 - self.mass * float(fall)
+        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
+        return kinetic + pin.computePotentialEnergy(self.model, self.data, q)

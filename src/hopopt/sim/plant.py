@@ -40,7 +40,7 @@ class Plant:
         """above_ground: points of the leg that stop a run where they hit the ground; by default all joints. finer: parts into
         which every step is cut."""
         self.finer = finer
-        self.above_ground = set(robot.joints if above_ground is None else above_ground) - {"foot"}
+        self.above_ground = set(robot.leg.pivots if above_ground is None else above_ground) - {"foot"}
         self.robot, self.machine, self.drive, self.n = robot, Machine(robot), drive, len(robot.joints)
         self.stops = Stops.of(robot.leg)
         time = Scale.of(robot.leg).time

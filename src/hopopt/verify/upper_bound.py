@@ -104,7 +104,8 @@ def most_speed(region: OperatingRegion) -> float:
 def _stretched(robot: Robot, speeds: np.ndarray) -> tuple[float, float]:
     """Height [m] and speed [m/s] that the centre of mass cannot pass over a foot at rest, joints at most so fast."""
     bodies, ends = robot.model.inertias.tolist()[BASE:], _ends(robot)
-    turning, height, speed, above, fast = np.cumsum(speeds), 0.0, 0.0, 0.0, 0.0
+    own = [abs(at.ratio) * speeds[at.coordinate] for at in robot.leg.link_joints]
+    turning, height, speed, above, fast = np.cumsum(own), 0.0, 0.0, 0.0, 0.0
     for k in reversed(range(len(ends))):  # from the foot up
         lever, mass = float(np.linalg.norm(bodies[k + 1].lever - ends[k])), bodies[k + 1].mass
         height, speed = height + mass * (above + lever), speed + mass * (fast + turning[k] * lever)
@@ -115,7 +116,7 @@ def _stretched(robot: Robot, speeds: np.ndarray) -> tuple[float, float]:
 
 def _ends(robot: Robot) -> list[np.ndarray]:
     """Where each link ends, from its joint, (3,) [m] each."""
-    placed = [robot.model.jointPlacements[BASE + 2 + k].translation for k in range(len(robot.joints) - 1)]
+    placed = [robot.model.jointPlacements[BASE + 2 + k].translation for k in range(len(robot.leg.links) - 1)]
     return [*placed, np.array(robot.points["foot"][1], dtype=float)]
 
 

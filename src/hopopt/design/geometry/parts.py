@@ -2,7 +2,18 @@
 
 from typing import Literal
 
-from hopopt.design.fields import DOWN, MOST_POINTS, EntryName, Number, Section, Vector, choice, points_fault, quantity
+from hopopt.design.fields import (
+    DOWN,
+    FORWARD,
+    MOST_POINTS,
+    EntryName,
+    Number,
+    Section,
+    Vector,
+    choice,
+    points_fault,
+    quantity,
+)
 from hopopt.design.geometry.shape import Shape
 
 Shapes = dict[str, Shape]  # by name
@@ -19,6 +30,15 @@ class Body(Section):
     shapes: Shapes | None = choice(
         "solids of the body by name: [leg.body.shapes.trunk] (docs/body.md)", None, listed=False
     )
+
+
+class Follows(Section):
+    """A joint without a drive, which rods or belts turn as another joint of the leg turns (a URDF's mimic)."""
+
+    joint: EntryName = choice("joint of leg.joints that it follows")
+    ratio: float = quantity("its angle for each radian, or its travel for each metre, of that joint", "1", -100, 100)
+    offset: float = quantity("its angle or travel where that joint is at zero", "rad", -20, 20, 0.0)
+    axis: Vector = choice("its axis, all joint angles zero (x, y, z); default: positive swings forward", FORWARD)
 
 
 class Link(Section):
@@ -39,6 +59,9 @@ class Link(Section):
         "moments xx, yy, zz and products xy, xz, yz of inertia about the centre of mass, all joint angles zero, "
         "in place of inertia", None, unit="kg m^2",
     )  # fmt: skip
+    follows: Follows | None = choice(
+        'its joint has no drive and follows another one: {joint = "knee", ratio = -1}', None, listed=False
+    )
     radius: float | None = quantity(
         "of the link, round about the line from its joint to the next", "m", 1e-4, 1, None, listed=False
     )

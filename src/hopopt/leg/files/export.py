@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import unit
+from hopopt.design.geometry.link_joint import LinkJoint
 from hopopt.drivetrain.dynamics import refuse_series_springs
 from hopopt.drivetrain.heat import REFERENCE, TwoBodies
 from hopopt.drivetrain.motor import voltage_line
@@ -24,10 +24,9 @@ from hopopt.errors import UsageError
 from hopopt.leg.derived import effort_limit, velocity_limit
 from hopopt.leg.inertia import PAIRS, tensor
 from hopopt.leg.kinematics import planar
-from hopopt.leg.robot import BASE, MovingBody, Robot, link_bodies
+from hopopt.leg.robot import BASE, GUIDES, MovingBody, Robot, link_bodies
 from hopopt.leg.scales import Scale
 
-GUIDES = {"x": (1.0, 0.0, 0.0), "z": (0.0, 0.0, 1.0)}
 TRAVEL = 1000.0  # m and m/s: a URDF guide must have limits; these are as good as none
 SLENDER = 1e-3  # moment about a link's own axis as a share of the one across it; a rod has none
 BALL = 0.1  # m: radius of the ball whose moments the body is given; it does not turn
@@ -67,22 +66,23 @@ def to_urdf(robot: Robot) -> str:
     names = [world, guide, body, *links, foot]
     for name, content in zip(names, [None, None, *bodies[1:], None], strict=True):
         _urdf_link(root, name, content)
-    *joints, foot_joint = _unique([*GUIDES, *robot.joints, "foot_joint"])
-    limits = [_travel()] * BASE + [_limits(robot, name) for name in robot.joints]
-    kinds, axes = ["prismatic"] * BASE + ["revolute"] * len(robot.joints), _axes(robot)
-    for name, kind, ends, content, axis, limit in zip(
-        joints, kinds, pairwise(names[:-1]), bodies, axes, limits, strict=True
-    ):
-        if name in GUIDES and name not in robot.leg.guides:
+    *joints, foot_joint = _unique([*(body.joint.name for body in bodies), "foot_joint"])
+    limits = [_travel()] * BASE + [_limits(robot, body.joint) for body in bodies[BASE:]]
+    for name, ends, content, limit in zip(joints, pairwise(names[:-1]), bodies, limits, strict=True):
+        at = content.joint
+        if at in GUIDES and at.name not in robot.leg.guides:
             _urdf_joint(root, name, "fixed", ends, content.placement)
             continue
-        joint = _urdf_joint(root, name, kind, ends, content.placement)
-        ET.SubElement(joint, "axis", xyz=_text(axis))
+        joint = _urdf_joint(root, name, "prismatic" if at.slides else "revolute", ends, content.placement)
+        ET.SubElement(joint, "axis", xyz=_text(at.axis))
         ET.SubElement(joint, "limit", limit)
+        if at.follows:
+            ratio = {"multiplier": repr(at.ratio), "offset": repr(at.offset)}
+            ET.SubElement(joint, "mimic", {"joint": robot.joints[at.coordinate - BASE]} | ratio)
     _urdf_joint(root, foot_joint, "fixed", (names[-2], foot), robot.points["foot"][1])
-    for name, body in zip(robot.joints, bodies[BASE:], strict=True):
-        _transmission(root, robot, name, float(body.armature))
-    rotors = ", ".join(f"{j} {float(b.armature)!r}" for j, b in zip(robot.joints, bodies[BASE:], strict=True))
+    for name, rotor in zip(robot.joints, robot.rotors.tolist(), strict=True):
+        _transmission(root, robot, name, rotor)
+    rotors = ", ".join(f"{j} {rotor!r}" for j, rotor in zip(robot.joints, robot.rotors.tolist(), strict=True))
     springs = f" {SPRINGS}" if robot.springs else ""
     return _document(
         robot, root, f"URDF has no rotor inertia. Add to the diagonal of the mass matrix [kg m^2]: {rotors}.{springs}"
@@ -124,9 +124,12 @@ def _travel() -> dict[str, str]:
     return {"lower": repr(-TRAVEL), "upper": repr(TRAVEL), "effort": "0", "velocity": repr(TRAVEL)}
 
 
-def _limits(robot: Robot, name: str) -> dict[str, str]:
+def _limits(robot: Robot, at: LinkJoint) -> dict[str, str]:
+    """Of a joint; one that follows has those of the joint that it follows, and no motor."""
+    name = robot.joints[at.coordinate - BASE]
     joint, region = robot.leg.joint[name], operating_region(robot.leg, name, robot.parameters)
-    values = (joint.lower, joint.upper, effort_limit(region), velocity_limit(region))
+    lower, upper = sorted((at.place(joint.lower), at.place(joint.upper)))
+    values = (lower, upper, 0.0 if at.follows else effort_limit(region), abs(at.ratio) * velocity_limit(region))
     return dict(zip(("lower", "upper", "effort", "velocity"), map(repr, values), strict=True))
 
 
@@ -147,6 +150,10 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True, pose: np.n
     A drive that does not turn as its joint does is a tendon on all joints with the rotor's inertia, which its motor pulls.
     Joint limits are stops. A spring is a tendon, whose corner MuJoCo does not round; UsageError for one with a table. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
     """
+    if robot.leg.follows:
+        raise UsageError(
+            "MJCF and MuJoCo take legs all of whose joints have drives: leave out follows of links, or write URDF"
+        )
     turns = _ratios(robot, pose, dc_motors)
     bodies, root = _bodies(robot), ET.Element("mujoco", model="leg")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -155,9 +162,8 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True, pose: np.n
     ET.SubElement(world, "geom", name="floor", type="plane", size="0 0 1", pos=_text((0, 0, -FOOT_RADIUS)))
     ET.SubElement(world, "site", name="foothold")
     body = ET.SubElement(world, "body", name="body")
-    for name in robot.leg.guides:
-        axis = GUIDES[name]
-        ET.SubElement(body, "joint", name=name, type="slide", axis=_text(axis))
+    for guide in (at for at in GUIDES if at.name in robot.leg.guides):
+        ET.SubElement(body, "joint", name=guide.name, type="slide", axis=_text(guide.axis))
     _mjcf_inertial(body, bodies[1])
     _, _, *links = _unique(["world", "body", *robot.leg.links])  # MuJoCo's own, and the leg's
     foot, radius = robot.points["foot"][1], repr(DRAWN * Scale.of(robot.leg).length)
@@ -208,7 +214,7 @@ def _dc_motor(robot: Robot, joint: str, heat: bool) -> dict[str, str]:
 
 
 def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) -> None:
-    limits, axis = robot.leg.joint[name], unit(robot.leg.joint[name].axis)
+    limits, axis = robot.leg.joint[name], content.joint.axis
     joint = {"name": name, "type": "hinge", "axis": _text(axis), "range": _text((limits.lower, limits.upper))}
     ET.SubElement(body, "joint", joint, armature=_text([content.armature if robot.leg.direct else 0.0]))
 
@@ -262,10 +268,6 @@ def _mjcf_inertial(body: ET.Element, content: MovingBody) -> None:
 def _bodies(robot: Robot) -> list[MovingBody]:
     refuse_series_springs(robot.leg, "a URDF or MJCF")
     return link_bodies(robot.leg, robot.parameters)
-
-
-def _axes(robot: Robot) -> list[Sequence[float]]:
-    return [*GUIDES.values(), *(unit(robot.leg.joint[name].axis) for name in robot.joints)]
 
 
 def _inertia(body: MovingBody) -> list[float]:

@@ -37,8 +37,16 @@ class Drive:
     friction: float = 0.0
     damping: float = 0.0
 
+    def beside(self, other: "Drive", turns: float) -> "Drive":
+        """With what another joint has that turns so often for one turn of this one."""
+        inertia, damping = (
+            x + turns**2 * y for x, y in ((self.armature, other.armature), (self.damping, other.damping))
+        )
+        return Drive(inertia, self.friction + turns * other.friction, damping)
+
 
 BARE = Drive()
+STRAIGHT = (0.0, 1.0, 0.0, 0.0, 0.0)  # MuJoCo's polycoef of a joint that follows another one where it says nothing
 
 
 def read_mjcf(raw: bytes, joints: Sequence[str]) -> tuple[ET.Element, dict[str, Drive]]:
@@ -50,9 +58,9 @@ def read_mjcf(raw: bytes, joints: Sequence[str]) -> tuple[ET.Element, dict[str, 
             raise UrdfError(f"has <{element.tag}>, which leads elsewhere: {FLAT}")
     made = _Robot(root, joints)
     made.add()
-    for rod, other in made.coupled():
+    for rod, mimic in made.coupled():
         if rod in made.joints:
-            ET.SubElement(made.joints[rod], "mimic", joint=other)
+            ET.SubElement(made.joints[rod], "mimic", mimic)
     made.refuse_loops(joints[0])
     return made.urdf, made.drives
 
@@ -204,11 +212,20 @@ class _Robot:
             return any(numbers(geom, "mass", "a geom"))
         return any(numbers(geom, "density", "a geom") or [1.0])
 
-    def coupled(self) -> Iterator[tuple[str, str]]:
-        """Joints that an equality lets follow another one."""
+    def coupled(self) -> Iterator[tuple[str, dict[str, str]]]:
+        """Joints that an equality lets follow another one, and how; UrdfError where that is no straight line."""
         for element in self.root.findall("equality/joint"):
-            if element.get("active") != "false" and element.get("joint2"):
-                yield element.get("joint1", ""), element.get("joint2", "")
+            rod, other = element.get("joint1", ""), element.get("joint2", "")
+            if element.get("active") == "false" or not other:
+                continue
+            text = element.get("polycoef", "0")
+            given = decimals(text, len(text.split()), f"joint {quoted(rod)} has a polycoef", LARGEST)
+            offset, ratio, *bent = [*given, *STRAIGHT[len(given) :]]
+            if any(bent) and {rod, other} & {*self.chain}:
+                raise UrdfError(
+                    f"joint {quoted(rod)} follows {quoted(other)} along a curve: polycoef has two numbers at most"
+                )
+            yield rod, {"joint": other, "multiplier": repr(ratio), "offset": repr(offset)}
 
     def refuse_loops(self, joint: str) -> None:
         """UrdfError where an equality closes a loop through what a joint moves."""

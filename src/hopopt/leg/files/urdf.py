@@ -12,6 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.leg.files.mjcf import BARE, Drive, read_mjcf
+from hopopt.leg.files.urdf_mimic import Mimic, moving_chain
+from hopopt.leg.files.urdf_transmission import DIRECT, Gearing, gearings
 from hopopt.leg.files.urdf_xml import Tree, UrdfError, link_in_xml, numbers, quoted, root_of
 from hopopt.leg.inertia import PAIRS, obeys_triangle, principal_moments
 
@@ -26,7 +28,8 @@ class MovingLink:
     """What moves with one joint, all joint angles zero, axes parallel to the robot's: unit axis of the joint (3),
     vector (3) [m] to the next joint or the foot, mass [kg], com (3) [m] from the joint, inertia (xx, yy, zz, xy, xz,
     yz) [kg m^2] about it; limits lower, upper [rad], effort [N m], velocity [rad/s] (nan: not given); whether the joint is
-    continuous, which has no lower and upper; what else an MJCF says of its drive."""
+    continuous, which has no lower and upper; what else an MJCF says of its drive; what the joint follows in place of a drive;
+    how its actuator turns."""
 
     joint: str
     link: str
@@ -41,6 +44,8 @@ class MovingLink:
     velocity: float
     continuous: bool
     drive: Drive = BARE
+    follows: Mimic | None = None
+    gearing: Gearing = DIRECT
 
 
 @dataclass(frozen=True)
@@ -64,11 +69,21 @@ def read_leg(
     UrdfError."""
     root, drives = read_mjcf(raw, joints) if kind == "mjcf" else (root_of(raw), {})
     tree = Tree(root)
-    chain = tree.chain_to(foot, joints)
+    chain, gears = moving_chain(tree, foot, joints), gearings(root, joints)
     for name in locked:
-        tree.known(name, "locked", [j for j in tree.movable if j not in joints])
-    leg = _reduced(tree, chain, foot, np.array(point), locked)
-    return replace(leg, links=tuple(replace(x, drive=drives.get(x.joint, x.drive)) for x in leg.links))
+        tree.known(name, "locked", [j for j in tree.movable if j not in chain])
+    leg = _reduced(tree, list(chain), foot, np.array(point), locked)
+    links = [replace(x, follows=chain[x.joint], gearing=gears.get(x.joint, DIRECT)) for x in leg.links]
+    return replace(leg, links=tuple(replace(x, drive=_all_driven(x, links, drives)) for x in links))
+
+
+def _all_driven(link: MovingLink, links: Sequence[MovingLink], drives: Mapping[str, Drive]) -> Drive:
+    """What a joint's drive has besides torque and speed: its own, and what the file gives to the joints that follow it."""
+    found = drives.get(link.joint, BARE)
+    for other in links:
+        if other.follows is not None and other.follows.joint == link.joint:
+            found = found.beside(drives.get(other.joint, BARE), abs(other.follows.ratio))
+    return found
 
 
 def _reduced(tree: Tree, chain: Sequence[str], foot: str, point: np.ndarray, locked: Mapping[str, float]) -> UrdfLeg:

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.leg.files.urdf import link_frame, reduced_model
+from hopopt.leg.files.urdf_mimic import moving_chain
 from hopopt.leg.files.urdf_xml import Tree, UrdfError, decimals, quoted, root_of
 
 LARGEST = 1e3  # m or rad, of any number
@@ -58,7 +59,7 @@ def visuals(
     Raises UrdfError.
     """
     tree = Tree(root_of(raw))
-    chain = tree.chain_to(foot, joints)
+    chain = list(moving_chain(tree, foot, joints))
     model = reduced_model(tree, chain, locked)
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))

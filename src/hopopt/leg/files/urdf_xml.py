@@ -17,6 +17,7 @@ LARGEST_VALUES = {
     "mass": 1e6,
     "inertia": 1e6,
     "limit": math.inf,
+    "mimic": 1e3,
 }  # SI; squares stay far from overflow
 KEPT_ATTRIBUTES = {  # of what matters to the motion: an element's attributes
     "parent": ("link",), "child": ("link",), "origin": ("xyz", "rpy"), "axis": ("xyz",), "mass": ("value",),
@@ -128,9 +129,9 @@ class Tree:
             raise UrdfError(f"has no {quoted(name)} for leg.{what}{guess}: there is {_some(names)}")
 
     def chain_to(self, foot: str, joints: Sequence[str]) -> list[str]:
-        """The joints that move, checked to lie on the way to the foot, in the order of the tree."""
+        """The joints of a leg, checked to lie on the way to the foot, in the order of the tree."""
         self.known(foot, "foot_frame", list(self.links))
-        on_the_way = [name for name in self._path(foot) if name in self.movable]
+        on_the_way = self.on_the_way(foot)
         for name in joints:
             if name in self.joints and name not in on_the_way:
                 raise UrdfError(
@@ -145,20 +146,11 @@ class Tree:
             raise UrdfError(f"is asked for a joint twice: leg.joints names {_some(joints)}")
         if list(joints) != chain:
             raise UrdfError(f"has the joints in the order {', '.join(chain)}: write leg.joints so, from body to foot")
-        self._check_mimics(joints)
         return chain
 
-    def _check_mimics(self, joints: Sequence[str]) -> None:
-        """Refuse a joint of the leg that mimics another one, and one anywhere that mimics a joint of the leg."""
-        for name, joint in self.joints.items():
-            if (mimic := joint.find("mimic")) is None:
-                continue
-            if name in joints:
-                raise UrdfError(f"joint {quoted(name)} mimics another one, which a leg of independent drives cannot")
-            if (other := mimic.get("joint", "")) in joints:
-                raise UrdfError(
-                    f"joint {quoted(name)} mimics {quoted(other)} of the leg, but would be locked: leave {quoted(other)} out"
-                )
+    def on_the_way(self, foot: str) -> list[str]:
+        """Joints that may move from the root down to a link."""
+        return [name for name in self._path(foot) if name in self.movable]
 
     def xml(self) -> str:
         """What matters to the motion, as URDF: no meshes, no materials, nothing that belongs to other programs."""

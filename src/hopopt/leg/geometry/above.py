@@ -7,7 +7,7 @@ import numpy as np
 from hopopt.design import Design, Leg
 from hopopt.design.fields import TRUNK
 from hopopt.leg.geometry.solids import counted_points
-from hopopt.leg.kinematics import joint_frames, joint_positions, start_angles
+from hopopt.leg.kinematics import joint_frames, joint_positions, link_ends, start_angles
 
 
 def above_ground(design: Design) -> dict[str, tuple[str, ...]]:
@@ -34,7 +34,7 @@ def points_of(design: Design) -> dict[str, tuple[str, ...]]:
         name = point.partition(" ")[0]
         found[name] = (*found.get(name, ()), point)
     trunk = {name: (name,) for name in (TRUNK,) if leg.has_trunk}
-    return {name: (name,) for name in leg.joints} | found | trunk | {"foot": ("foot",)}
+    return {name: (name,) for name in leg.pivots} | found | trunk | {"foot": ("foot",)}
 
 
 def height_rows(design: Design) -> list[tuple[str, str, float]]:
@@ -42,9 +42,9 @@ def height_rows(design: Design) -> list[tuple[str, str, float]]:
     stay higher by the radius of a capsule about it; a link whose capsule starts too low counts by its own points."""
     hop, leg, above = design.hop, design.leg, above_ground(design)
     rows = {point: (name, 0.0 if name == "foot" else hop.least_height) for name, own in above.items() for point in own}
-    heights = dict(zip(leg.joints, _joint_heights(design), strict=True))
+    heights = dict(zip(leg.pivots, _joint_heights(design), strict=True))
     for k, link in enumerate(leg.links[:-1]):
-        own, ends = above.get(link, ()), leg.joints[k : k + 2]
+        own, ends = above.get(link, ()), leg.pivots[k : k + 2]
         least = hop.least_height + capsule_radius(leg, own, k) if own else np.inf
         if all(heights[joint] > least for joint in ends):
             rows = {point: row for point, row in rows.items() if point not in own}
@@ -56,15 +56,14 @@ def height_rows(design: Design) -> list[tuple[str, str, float]]:
 
 def capsule_radius(leg: Leg, points: Sequence[str], k: int) -> float:
     """Radius [m] of the capsule about the line of link ``k`` that holds these points of it."""
-    start, end = joint_positions(leg, np.zeros(len(leg.joints)))[k : k + 2][:, [0, 2]]
-    along = end - start
+    along = link_ends(leg)[k, [0, 2]]
     places = np.array([place for name, _, place in counted_points(leg) if name in points])[:, [0, 2]]
     share = np.clip(places @ along / max(along @ along, 1e-12), 0.0, 1.0)
     return float(np.linalg.norm(places - share[:, None] * along, axis=1).max())
 
 
 def _joint_heights(design: Design) -> list[float]:
-    """Of each joint where the hop starts [m]."""
+    """Of each link's joint where the hop starts [m]."""
     heights = joint_positions(design.leg, start_angles(design))[:, 2]
     return [float(height - heights[-1]) for height in heights[:-1]]
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 from hopopt.design import Design, Leg
 from hopopt.leg.geometry.hulls import rounded
 from hopopt.leg.geometry.solids import BODY, Solid, colliding
-from hopopt.leg.kinematics import joint_positions, start_angles
+from hopopt.leg.kinematics import link_ends, start_angles
 from hopopt.leg.robot import BASE, build_robot
 
 KEPT = 4  # legs of this process
@@ -81,8 +81,8 @@ def distances_of(design: Design) -> Distances:
 
 def key_of(leg: Leg, start: np.ndarray) -> str:
     """All that the distances of a leg depend on, and where its hop starts (n) [rad]."""
-    joints = [(joint.axis, joint.lower, joint.upper) for joint in leg.joint.values()]
-    ends = joint_positions(leg, np.zeros(len(leg.joints)))
+    joints = leg.link_joints, [(joint.lower, joint.upper) for joint in leg.joint.values()]
+    ends = link_ends(leg)
     shapes = [(s.name, s.joint, s.radius, s.points.tobytes()) for s in colliding(leg)]
     return repr((joints, ends.tobytes(), start.tobytes(), shapes))
 

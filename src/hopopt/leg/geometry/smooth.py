@@ -16,7 +16,7 @@ from scipy.interpolate import make_interp_spline
 
 from hopopt.design import Design, Leg
 from hopopt.leg.geometry.distance import KEPT, Distances, distances_of, key_of
-from hopopt.leg.geometry.solids import BODY, MOST_JOINTS, NEAR, has_shape
+from hopopt.leg.geometry.solids import BODY, NEAR, has_shape, on_grid
 from hopopt.leg.kinematics import reach, spread, start_angles
 
 MARGIN = 0.005  # of the leg's reach: what is kept between solids
@@ -94,7 +94,7 @@ _kept: dict[str, Clearances] = {}
 def clearances(design: Design) -> Clearances | None:
     """Of a problem's leg; None where it has no shape, may collide, or has more joints than a grid can hold."""
     leg = design.leg
-    if not has_shape(leg) or design.hop.may_collide or len(leg.joints) > MOST_JOINTS:
+    if not has_shape(leg) or design.hop.may_collide or not on_grid(leg):
         return None
     key = key_of(leg, start_angles(design))
     if key not in _kept:

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from hopopt.design import Leg
 from hopopt.design.fields import TRUNK
 from hopopt.design.geometry.shape import Shape
-from hopopt.leg.kinematics import joint_frames, joint_positions, planar, reach
+from hopopt.leg.kinematics import joint_frames, link_ends, planar, reach
 
 NEAR = 0.03  # of the leg's reach: the planner knows distances up to it precisely, and keeps no larger margin
 MOST_JOINTS = 3  # of a leg whose distances it can know: they are kept on a grid of angles
@@ -44,6 +44,11 @@ def has_shape(leg: Leg) -> bool:
     return bool(leg.body.shapes) or any(link.shapes or link.radius for link in leg.link.values())
 
 
+def on_grid(leg: Leg) -> bool:
+    """Whether distances between its solids are kept on a grid of angles, which a planner can know."""
+    return len(leg.joints) <= MOST_JOINTS and not leg.follows
+
+
 def solids(leg: Leg) -> tuple[Solid, ...]:
     """All solids of a leg: the body's, then those of each link."""
     return tuple(_solids(leg))
@@ -52,7 +57,7 @@ def solids(leg: Leg) -> tuple[Solid, ...]:
 def colliding(leg: Leg) -> tuple[Solid, ...]:
     """All solids of a leg, and lines in place of links that have none, from the body to the foot."""
     found = solids(leg)
-    ends, there = _ends(leg), {solid.joint for solid in found}
+    ends, there = link_ends(leg), {solid.joint for solid in found}
     lines = (
         Solid(link, k, np.array([np.zeros(3), ends[k]]), LINE * leg.length)
         for k, link in enumerate(leg.links)
@@ -61,16 +66,11 @@ def colliding(leg: Leg) -> tuple[Solid, ...]:
     return tuple(sorted((*found, *lines), key=lambda solid: solid.joint))
 
 
-def _ends(leg: Leg) -> np.ndarray:
-    """Where each link ends (n, 3) [m], from its joint, all joint angles zero."""
-    return np.diff(joint_positions(leg, np.zeros(len(leg.joints))), axis=0)
-
-
 def _solids(leg: Leg) -> Iterator[Solid]:
     width = BESIDE * reach(leg)
     for name, shape in (leg.body.shapes or {}).items():
         yield Solid(name, BODY, corners(shape, width), shape.radius, shape.counts)
-    ends = _ends(leg)
+    ends = link_ends(leg)
     for k, link in enumerate(leg.links):
         entry = leg.link[link]
         if entry.radius:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.leg.limit_id import Kind, LimitId
-from hopopt.leg.robot import BASE
+from hopopt.leg.robot import BASE, armatures
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.phases import joint_speed
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
@@ -81,7 +81,7 @@ def _size(vector: ca.SX, most: float) -> ca.SX:
 def gear_impulse(leg: MovingLeg, s: Instant) -> ca.SX:
     """What each gear passes on to stop or start its rotor in the impact, joint side [N m s], (n,)."""
     dynamics = leg.dynamics(s)
-    rotors = ca.vertcat(*[body.armature for body in dynamics.bodies[BASE:]])
+    rotors = ca.vertcat(*armatures(dynamics.bodies)[BASE:])
     q, v = leg.flight_pose(s)
     after = impact_at(leg, s)[0]
     still = ca.SX.zeros(BASE + leg.n)

@@ -8,6 +8,7 @@ import numpy as np
 
 from hopopt.design import Design, HopSettings, Leg, StartPose
 from hopopt.design.fields import RESERVED, RESERVED_JOINTS, TRUNK
+from hopopt.design.geometry.link_joint import follower
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
 from hopopt.problem.checking.faults import Report
@@ -25,18 +26,20 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
     refused = {path for path, _ in report.faults}  # of these enough is said
     joints, links = _texts(leg.get("joints")), _texts(leg.get("links"))
     found = [*_name_faults("leg.joints", joints, RESERVED_JOINTS), *_name_faults("leg.links", links, RESERVED)]
-    found += _chain_faults(joints, links)
+    found += _chain_faults(joints, links, following := [name for name in links if _table(_table(leg, name), "follows")])
     for name in joints:
         found += _joint_faults(f"leg.{name}", _table(leg, name))
     for name in links:
         found += _link_faults(f"leg.{name}", _table(leg, name))
+    for name in following:
+        found += _follower_faults(name, _table(_table(leg, name), "follows"), joints)
     found += _far_masses({f"leg.{name}": _table(leg, name) for name in links})
     found += _parameter_faults(_table(data, "parameters"))
     if is_number(legs := _table(leg, "body").get("legs")) and legs % 1:
         found.append(("leg.body.legs", f"= {shown(legs)} is not allowed: a whole number of legs is needed"))
     trunk = [TRUNK] if _table(_table(leg, "body"), "shapes") else []
     shaped = [name for name in links[:-1] if {"shapes", "radius"} & _table(leg, name).keys()]
-    for path, words in (*found, *_hop_faults(hop, joints, [*trunk, *shaped])):
+    for path, words in (*found, *_hop_faults(hop, [*joints, *map(follower, following)], [*trunk, *shaped])):
         if path not in refused:
             report.add(path, words)
 
@@ -60,9 +63,10 @@ def _name_faults(path: str, names: list[str], reserved: tuple[str, ...]) -> Iter
             yield path, f"has {shown(name)}: a name is a letter, then at most 31 letters, digits, _ or -"
 
 
-def _chain_faults(joints: list[str], links: list[str]) -> Iterator[tuple[str, str]]:
-    if joints and links and len(joints) != len(links):
-        yield "leg.links", f"names {len(links)} where leg.joints names {len(joints)}: each joint carries one link"
+def _chain_faults(joints: list[str], links: list[str], following: list[str]) -> Iterator[tuple[str, str]]:
+    if joints and links and len(joints) != len(links) - len(following):
+        but = f" but {', '.join(following)}" if following else ""
+        yield "leg.links", f"names {len(links)}{but} where leg.joints names {len(joints)}: each joint carries one link"
     for name in sorted(set(joints) & set(links)):
         yield "leg.links", f"has {shown(name)}, which is a joint too: their tables would both be [leg.{name}]"
 
@@ -85,6 +89,23 @@ def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, st
     if is_number(lower) and is_number(upper) and not lower < upper:
         above = f"{path}.upper = {shown(upper)} rad"
         yield f"{path}.lower", f"= {shown(lower)} rad is not below {above}: exchange or widen them"
+
+
+def _follower_faults(link: str, follows: Mapping[str, Any], joints: list[str]) -> Iterator[tuple[str, str]]:
+    path, joint = f"leg.{link}.follows", follows.get("joint")
+    yield from _vector_faults(path, follows, "axis")
+    if isinstance(joint, str) and joints and joint not in joints:
+        yield (
+            f"{path}.joint",
+            f"= {shown(joint)} is no joint of the leg{did_you_mean(joint, joints)}: allowed are {', '.join(joints)}",
+        )
+    if follows.get("ratio") == 0:
+        yield f"{path}.ratio", "= 0 moves nothing: leave leg.links without this link, or give another ratio"
+    if follower(link) in joints:
+        yield (
+            "leg.joints",
+            f"has {shown(follower(link))}, as the joint of the link {link} is called: choose another name",
+        )
 
 
 def _vector_faults(path: str, table: Mapping[str, Any], entry: str) -> Iterator[tuple[str, str]]:
@@ -199,7 +220,8 @@ def _height_faults(leg: Leg, start: StartPose) -> Iterator[tuple[str, str]]:
     height, foot = start.hip_height, start.foot_x
     assert height is not None
     if not two_joints(leg):
-        other = "with other than two joints" if len(leg.joints) != 2 else "whose links or joints leave the x-z plane"
+        apart = "whose joints follow others" if leg.follows else "whose links or joints leave the x-z plane"
+        other = "with other than two joints" if len(leg.joints) != 2 else apart
         words = f"does not give the pose of a leg {other}: give start.joint_angles instead"
         yield "start.hip_height", f"= {height} m {words}"
         return

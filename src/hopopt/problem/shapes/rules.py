@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from hopopt.design import Design, HopSettings, Leg
 from hopopt.design.geometry.shape import Shape
 from hopopt.leg.geometry.above import above_ground, lowest_at_start, points_of
-from hopopt.leg.geometry.solids import MOST_JOINTS, NEAR, has_shape
+from hopopt.leg.geometry.solids import NEAR, has_shape, on_grid
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.render import shown
 
@@ -28,7 +28,7 @@ def ground_rules(design: Design, report: Report) -> None:
     known, above, hop = points_of(design), above_ground(design), design.hop
     for name in sorted(set(hop.above_ground) - set(known)):
         report.add("hop.above_ground", f"has {shown(name)}, no shape of which counts: leave it out (docs/body.md)")
-    for name in [name for name in above if name not in (*design.leg.joints, "foot")]:
+    for name in [name for name in above if name not in (*design.leg.pivots, "foot")]:
         low = lowest_at_start(design, name)
         if low < hop.least_height - ROUNDING:
             entry = "hip_height" if design.start.joint_angles is None else "joint_angles"
@@ -41,8 +41,9 @@ def margin_rules(leg: Leg, hop: HopSettings, report: Report) -> None:
     margin, most = hop.collision_margin, NEAR * leg.length
     if margin is None or not has_shape(leg) or hop.may_collide:
         return
-    if len(leg.joints) > MOST_JOINTS:
-        words = f"a leg of {len(leg.joints)} joints is measured, and not kept away: leave it out"
+    if not on_grid(leg):
+        which = "whose joints follow others" if leg.follows else f"of {len(leg.joints)} joints"
+        words = f"a leg {which} is measured, and not kept away: leave it out"
         report.add("hop.collision_margin", f"= {margin:g} m cannot be kept: {words}")
     elif margin > most:
         words = f"more than {NEAR:g} of the leg's length: at most {most:.4g} m, or a larger radius of the shapes"

@@ -11,7 +11,8 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
-from hopopt.drivetrain.motor import IMPLIES
+import numpy as np
+
 from hopopt.files import read_regular
 from hopopt.leg.files.urdf import read_leg
 from hopopt.leg.files.urdf_xml import MAX_BYTES, UrdfError
@@ -20,6 +21,7 @@ from hopopt.problem.checking.wording import is_number
 from hopopt.problem.reading import beside
 from hopopt.problem.render import shown, shown_path
 from hopopt.problem.shapes.collision import GEOMETRY, with_shapes
+from hopopt.problem.urdf.drives import drives_of, moderate
 from hopopt.problem.urdf.rules import urdf_rules
 
 KINDS = ("urdf", "mjcf")  # entries that name a robot's file
@@ -145,7 +147,7 @@ def _usable(kind: str, given: Mapping[str, Any], leg: Mapping[str, Any], report:
         )
     elif not isinstance(given.get(GEOMETRY, False), bool):
         report.add(f"leg.{GEOMETRY}", f"= {shown(given[GEOMETRY])} is not allowed: true or false is needed")
-    elif not isinstance(locked, Mapping) or not all(map(_moderate, locked.values())):
+    elif not isinstance(locked, Mapping) or not all(map(moderate, locked.values())):
         report.add(
             "leg.locked", "takes names of joints with the angle [rad] they are held at: locked = {hip_yaw = 0.0}"
         )
@@ -161,15 +163,30 @@ def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
     for item in found.links:
         name = _name(item.link, (*leg["joints"], *links))
         links.append(name)
-        limits = {"lower": item.lower, "upper": item.upper}
-        tables[item.joint] = {k: v for k, v in limits.items() if math.isfinite(v)} | {"axis": item.axis}
+        if item.follows is None:
+            limits = dict(zip(("lower", "upper"), _limits(item, found), strict=True))
+            tables[item.joint] = {k: v for k, v in limits.items() if math.isfinite(v)} | {"axis": item.axis}
         length = math.hypot(*item.vector)
         tables[name] = {
             "length": length, "direction": tuple(x / (length or 1.0) for x in item.vector), "mass": item.mass,
             "com_position": item.com, "inertia_tensor": item.inertia,
         }  # fmt: skip
+        if (follows := item.follows) is not None:
+            tables[name]["follows"] = {
+                "joint": follows.joint, "ratio": follows.ratio, "offset": follows.offset, "axis": item.axis,
+            }  # fmt: skip
     body = {"links": tuple(links), "body": _body(found, leg, report), "gear": {"ratio": 1.0}}
-    return _merged(body | tables, _drives(found, leg, report))
+    return _merged(body | tables, drives_of(found, leg, report))
+
+
+def _limits(item: Any, found: Any) -> tuple[float, float]:
+    """Of a joint [rad]: its own, or those of joints that follow it, where these are narrower; nan where the file has none."""
+    lower, upper = item.lower, item.upper
+    for other in found.links:
+        if other.follows is not None and other.follows.joint == item.joint:
+            low, high = other.follows.range(other.lower, other.upper)
+            lower, upper = np.fmax(lower, low), np.fmin(upper, high)
+    return float(lower), float(upper)
 
 
 def _body(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, float]:
@@ -181,7 +198,7 @@ def _body(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, float
         return {}
     legs = stated.get("legs", 1.0)
     count = (
-        float(legs) if _moderate(legs) and legs >= 1 else 1.0
+        float(legs) if moderate(legs) and legs >= 1 else 1.0
     )  # what else it may be is reported with the other entries
     leg_mass = sum(item.mass for item in found.links)
     share = (found.body_mass + leg_mass) / count - leg_mass
@@ -199,80 +216,11 @@ def _name(link: str, taken: tuple[str, ...]) -> str:
     return next(candidate for candidate in (name, *others) if candidate not in taken)
 
 
-def _drives(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
-    """Motors from effort and velocity, taken for torque at standstill and speed at no torque: the conservative
-    reading, for the region then lies inside both limits. What [leg.motor] states holds for all joints, and a datasheet
-    implies its own; the rest comes from the URDF, joint by joint. Joints without are reported."""
-    drives: dict[str, dict[str, Any]] = {}
-    common: dict[str, Any] = {}
-    for_all, implied = _motor(leg), set[str]()
-    for item in found.links:
-        own = leg.get(item.joint)
-        ratio, given = _ratio(own, leg), _motor(own)
-        known = for_all.keys() | (here := _implied(for_all | given, leg))
-        implied |= here
-        values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
-        stated = {k: v for k, v in values.items() if math.isfinite(v) and k not in known}
-        rotor = item.drive.armature / ratio**2
-        more = {"rotor_inertia": rotor} if rotor and "rotor_inertia" not in for_all else {}
-        losses = {"friction": item.drive.friction, "damping": item.drive.damping}
-        lossy = {name: value for name, value in losses.items() if value and name not in _stated(leg, "gear")}
-        drives[item.joint] = {k: v for k, v in (("motor", stated | more), ("gear", lossy)) if v}
-        common = {k: v for k, v in (given | stated).items() if k in values and k not in known} | common
-        if missing := [entry for entry in values if entry not in stated.keys() | given.keys() | known]:
-            _report_missing(item.joint, missing, report)
-    return {"motor": {} if implied else common} | drives
-
-
-def _implied(motor: Mapping[str, Any], leg: Mapping[str, Any]) -> set[str]:
-    """Which of max_torque and max_speed the datasheet of a motor implies, where it is not stated."""
-    known = motor.keys() | ({"voltage"} if "supply" in leg else set())
-    return {name for name, entries in IMPLIES.items() if name not in motor and known >= set(entries)}
-
-
-MEANT = {"max_torque": "effort", "max_speed": "velocity"}  # entries of a motor: what a URDF has for them
-
-
-def _report_missing(joint: str, entries: list[str], report: Report) -> None:
-    """Report what neither the problem nor the URDF states of a joint's motor."""
-    entry = f".{entries[0]}" if len(entries) == 1 else ""
-    says = " and ".join(MEANT[entry] for entry in entries)
-    report.add(
-        f"leg.{joint}.motor{entry}",
-        f"is missing, and {shown_path(str(report.urdf))} states no usable {says} of {shown_path(joint)}: add it, or "
-        f"{f'leg.motor{entry}' if entry else '[leg.motor]'} for all joints",
-    )
-    report.unreadable = True  # what is missing then would only be said again
-
-
-def _motor(holder: Any) -> dict[str, Any]:
-    """What a table states of its motor."""
-    return _stated(holder, "motor")
-
-
-def _stated(holder: Any, part: str) -> dict[str, Any]:
-    """What a table states of its motor or gear."""
-    found = holder.get(part) if isinstance(holder, Mapping) else None
-    return dict(found) if isinstance(found, Mapping) else {}
-
-
-def _ratio(*holders: Any) -> float:
-    """The first gear ratio that one of these tables has in its gear; 1 if none has."""
-    gears = [holder.get("gear") for holder in holders if isinstance(holder, Mapping)]
-    ratios: list[Any] = [gear.get("ratio") for gear in gears if isinstance(gear, Mapping)]
-    return next((ratio for ratio in ratios if _moderate(ratio) and ratio > 0), 1.0)
-
-
 def _is_point(value: Any) -> bool:
     """Whether a value is a place in the frame of a link."""
     return (
         isinstance(value, tuple) and len(value) == 3 and all(is_number(x) and abs(x) <= FURTHEST_POINT for x in value)
     )
-
-
-def _moderate(value: Any) -> bool:
-    """Whether a value is a number that an angle or a ratio may be."""
-    return is_number(value) and abs(value) <= 1e3
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

@@ -39,7 +39,7 @@ def _upright(found: UrdfLeg, report: Report) -> None:
 def _without_length(found: UrdfLeg, leg: Mapping[str, Any], names: Sequence[str], report: Report) -> None:
     """Report joints, or a joint and the foot, that lie in one point."""
     least, _ = bounds_of(entry_at(("leg", "link", "", "length")) or {})
-    for item, name, after in zip_longest(found.links, names, leg["joints"][1:]):
+    for item, name, after in zip_longest(found.links, names, [item.joint for item in found.links[1:]]):
         own, length = leg.get(name), float(np.linalg.norm(item.vector))
         if length >= least or (isinstance(own, Mapping) and "length" in own):
             continue
@@ -59,7 +59,7 @@ def _continuous(found: UrdfLeg, leg: Mapping[str, Any], report: Report) -> None:
         own = leg.get(item.joint)
         stated = own if isinstance(own, Mapping) else {}
         missing = [f"leg.{item.joint}.{side}" for side in ("lower", "upper") if side not in stated]
-        if item.continuous and missing:
+        if item.continuous and missing and item.follows is None:
             words = f"is of type continuous in {report.urdf}, and a leg's joint has limits: give {' and '.join(missing)} [rad]"
             report.add(f"leg.{item.joint}", words)
             report.unreadable = True  # what is missing then would only be said again
@@ -72,7 +72,7 @@ def _placeholders(found: UrdfLeg, tables: Mapping[str, Any], report: Report) -> 
         return report.origins.get(path) == report.urdf
 
     limits, drives = list[str](), list[str]()
-    for item in found.links:
+    for item in (each for each in found.links if each.follows is None):
         for side, value in (("lower", item.lower), ("upper", item.upper)):
             if ours(path := f"leg.{item.joint}.{side}") and abs(value) >= WHOLE_TURN:
                 limits.append(f"{path} ({value:g} rad)")

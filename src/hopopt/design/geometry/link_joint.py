@@ -1,0 +1,31 @@
+"""How a link moves on the one above it: by a joint with a drive, or by one that follows such a joint."""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+def follower(link: str) -> str:
+    """Name of the joint of a link that follows another joint."""
+    return f"{link}_joint"
+
+
+@dataclass(frozen=True)
+class LinkJoint:
+    """The joint that carries one link.
+
+    name: of its point on the leg; axis: unit vector (3), all joint angles zero; slides: whether it moves along its axis [m], else
+    about it [rad]; coordinate: number of the joint of ``leg.joints`` by which it moves: ratio times that one's angle, plus
+    offset [rad, m]; follows: whether it has no drive of its own
+    """
+
+    name: str
+    axis: tuple[float, ...]
+    slides: bool
+    coordinate: int
+    ratio: float = 1.0
+    offset: float = 0.0
+    follows: bool = False
+
+    def place(self, q: Any) -> Any:
+        """Its own angle [rad] or travel [m] at that of its coordinate."""
+        return self.ratio * q + self.offset if self.follows else q

@@ -1,0 +1,91 @@
+"""Motors, gears and transmissions of a leg out of a robot's file, where the problem states none."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hopopt.drivetrain.motor import IMPLIES
+from hopopt.problem.checking.faults import Report
+from hopopt.problem.checking.wording import is_number
+from hopopt.problem.render import shown_path
+
+
+def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
+    """Motors from effort and velocity, taken for torque at standstill and speed at no torque: the conservative
+    reading, for the region then lies inside both limits. What [leg.motor] states holds for all joints, and a datasheet
+    implies its own; the rest comes from the URDF, joint by joint. Joints without are reported."""
+    drives: dict[str, dict[str, Any]] = {}
+    common: dict[str, Any] = {}
+    for_all, implied = _motor(leg), set[str]()
+    for item in (each for each in found.links if each.follows is None):
+        own = leg.get(item.joint)
+        stated, given = _ratio(own, leg), _motor(own)
+        turning = _turning(item, own) if stated is None else {}
+        ratio = item.gearing.ratio if stated is None else stated
+        known = for_all.keys() | (here := _implied(for_all | given, leg))
+        implied |= here
+        values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
+        usable = {k: v for k, v in values.items() if math.isfinite(v) and k not in known}
+        rotor = item.drive.armature / ratio**2
+        more = {"rotor_inertia": rotor} if rotor and "rotor_inertia" not in for_all else {}
+        losses = {"friction": item.drive.friction, "damping": item.drive.damping}
+        lossy = {name: value for name, value in losses.items() if value and name not in _stated(leg, "gear")}
+        turning["gear"] = turning.get("gear", {}) | lossy
+        drives[item.joint] = {k: v for k, v in ({"motor": usable | more} | turning).items() if v}
+        common = {k: v for k, v in (given | usable).items() if k in values and k not in known} | common
+        if missing := [entry for entry in values if entry not in usable.keys() | given.keys() | known]:
+            _report_missing(item.joint, missing, report)
+    return {"motor": {} if implied else common} | drives
+
+
+def _implied(motor: Mapping[str, Any], leg: Mapping[str, Any]) -> set[str]:
+    """Which of max_torque and max_speed the datasheet of a motor implies, where it is not stated."""
+    known = motor.keys() | ({"voltage"} if "supply" in leg else set())
+    return {name for name, entries in IMPLIES.items() if name not in motor and known >= set(entries)}
+
+
+MEANT = {"max_torque": "effort", "max_speed": "velocity"}  # entries of a motor: what a URDF has for them
+
+
+def _report_missing(joint: str, entries: list[str], report: Report) -> None:
+    """Report what neither the problem nor the URDF states of a joint's motor."""
+    entry = f".{entries[0]}" if len(entries) == 1 else ""
+    says = " and ".join(MEANT[entry] for entry in entries)
+    report.add(
+        f"leg.{joint}.motor{entry}",
+        f"is missing, and {shown_path(str(report.urdf))} states no usable {says} of {shown_path(joint)}: add it, or "
+        f"{f'leg.motor{entry}' if entry else '[leg.motor]'} for all joints",
+    )
+    report.unreadable = True  # what is missing then would only be said again
+
+
+def _motor(holder: Any) -> dict[str, Any]:
+    """What a table states of its motor."""
+    return _stated(holder, "motor")
+
+
+def _stated(holder: Any, part: str) -> dict[str, Any]:
+    """What a table states of its motor or gear."""
+    found = holder.get(part) if isinstance(holder, Mapping) else None
+    return dict(found) if isinstance(found, Mapping) else {}
+
+
+def _turning(item: Any, own: Any) -> dict[str, Any]:
+    """Gear and transmission of a joint by the file's <transmission>, where the problem states neither."""
+    gear = {"ratio": item.gearing.ratio} if item.gearing.ratio != 1 else {}
+    coupling = {other: {"ratio": ratio} for other, ratio in item.gearing.coupling.items()}
+    if isinstance(own, Mapping) and "transmission" in own:
+        coupling = {}
+    return {"gear": gear} | ({"transmission": {"coupling": coupling}} if coupling else {})
+
+
+def _ratio(*holders: Any) -> float | None:
+    """The first gear ratio that one of these tables has in its gear; None if none has."""
+    gears = [holder.get("gear") for holder in holders if isinstance(holder, Mapping)]
+    ratios: list[Any] = [gear.get("ratio") for gear in gears if isinstance(gear, Mapping)]
+    return next((ratio for ratio in ratios if moderate(ratio) and ratio > 0), None)
+
+
+def moderate(value: Any) -> bool:
+    """Whether a value is a number that an angle or a ratio may be."""
+    return is_number(value) and abs(value) <= 1e3
