@@ -1,6 +1,7 @@
 """For all tests: functions are not compiled, and no user's cache is used, unless a test asks for it; what is solved once
-in a run; and the paper's hop, solved so."""
+in a run; the paper's hop, solved so; and the order in which two workers take files."""
 
+import gc
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: threads only get in each other's way
@@ -15,12 +16,19 @@ import pytest
 if TYPE_CHECKING:
     from hopopt.planner.solution import Solution
 
+FIRST = (  # files of over ten seconds: two workers end together; the first two compile different loops, which others then find
+    "comparison/test_compare.py", "global_search/test_search.py", "optimality/test_certificate_hop.py",
+    "optimality/test_error_estimate.py", "nlp/test_compiled.py", "verify/test_plan.py", "plots/test_hop.py",
+    "studies/test_sensitivity.py", "robot_data/test_identification.py", "cli/test_main.py", "sim/test_plant.py",
+    "api/test_interface.py", "sim/test_rough_ground.py", "plots/test_runs.py", "control/test_tracking.py",
+)  # fmt: skip
 FOLDER = "HOPOPT_TESTS_ONCE"  # of once.py, which imports what the controller of pytest-xdist does not need
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if not hasattr(config, "workerinput"):  # workers of pytest-xdist find it in their environment
         os.environ[FOLDER] = mkdtemp(prefix="hopopt-tests-")
+        config.option.loadscopereorder = False  # of pytest-xdist, which would take files of many short tests first
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -31,12 +39,21 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What is run rarely is slow too, and left out unless HOPOPT_TESTS=all asks for it, as before a release."""
+    place = {f"tests/{name}": k for k, name in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(item.nodeid.split("::")[0], len(FIRST)))
     skipped = pytest.mark.skip(reason="half a minute and more for what rarely breaks: HOPOPT_TESTS=all runs it")
     for item in items:
         if item.get_closest_marker("rarely"):
             item.add_marker("slow")
             if os.environ.get("HOPOPT_TESTS") != "all":
                 item.add_marker(skipped)
+
+
+def pytest_collection_finish() -> None:
+    """What was imported stays: no search for garbage in it, and less in what tests make."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(100_000)  # as in a command (cli/main.py)
 
 
 @pytest.fixture(scope="session", autouse=True)

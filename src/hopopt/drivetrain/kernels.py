@@ -127,6 +127,26 @@ def drive_drift(drive: Any, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 @kernel
+def drive_speeds(T: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Speeds (n) [rad/s] of the drives behind their gears by those of the joints v (n) [rad/s]; T: ``drive_jacobian``."""
+    found = np.zeros(len(v))  # by loops: a product of matrices takes a second to compile
+    for i in range(len(v)):
+        for k in range(len(v)):
+            found[i] += T[i, k] * v[k]
+    return found
+
+
+@kernel
+def joint_torques(T: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Torques (n) [N m] at the joints by those of the drives behind their gears (n) [N m]; T: ``drive_jacobian``."""
+    found = np.zeros(len(torque))
+    for i in range(len(torque)):
+        for k in range(len(torque)):
+            found[i] += T[k, i] * torque[k]
+    return found
+
+
+@kernel
 def rubbing_parts(drive: Any, motor: np.ndarray, armature: np.ndarray, h: float) -> int:
     """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain.kernels import drive_drift, drive_jacobian, driven, passed, rubbing_parts
+from hopopt.drivetrain import kernels as drives
 from hopopt.sim.ground import stops
 from hopopt.sim.ground.coulomb import (
     BACKWARD,
@@ -40,7 +40,7 @@ STOP_STEPS = 32  # of a step where a joint touches its end stop: they are stiff
 def given(leg: Any, T: np.ndarray, w: np.ndarray, command: np.ndarray) -> np.ndarray:
     """Torques (n) [N m] of the motors within their limits, behind their gears, for a command (n) [N m] at the joints; T: d theta / d q
     (n, n), looked at where drives do not turn as joints do; w (n) [rad/s]: their speeds."""
-    return driven(leg, w, np.linalg.solve(T.T.copy(), command) if leg.turned else command)
+    return drives.driven(leg, w, np.linalg.solve(T.T.copy(), command) if leg.turned else command)
 
 
 @kernel
@@ -56,8 +56,8 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     J, w = foot_jacobian(leg, joints), v[2:]
     T, late = J, w
     if leg.turned:
-        T, late = drive_jacobian(leg, q[2:]), drive_drift(leg, q[2:], v[2:])
-        w = T @ w
+        T, late = drives.drive_jacobian(leg, q[2:]), drives.drive_drift(leg, q[2:], v[2:])
+        w = drives.drive_speeds(T, v[2:])
     motor = given(leg, T, w, command)
     stop = stops.torque(q[2:], v[2:], leg.stop_lower, leg.stop_upper, leg.stiffness, leg.loss)
     h = bias(leg, q, v, joints, centres, drift)
@@ -70,7 +70,7 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
             ahead = motor[k]
             if not leg.lossless:
                 rotor = leg.armature[k]
-                out, slope = passed(leg, k, motor[k] - rotor * a[k], w[k])
+                out, slope = drives.passed(leg, k, motor[k] - rotor * a[k], w[k])
                 ahead = out + slope * rotor * a[k]
                 tau[k] = out + rotor * a[k]
                 if leg.turned:
@@ -104,7 +104,7 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
         power[0] += motor[k] * w[k]
         power[1] += (motor[k] - tau[k]) * w[k]
         power[2] -= stop[k] * v[2 + k]
-    return X, c, G, velocity, power, motor, T.T.copy() @ tau if leg.turned else tau
+    return X, c, G, velocity, power, motor, drives.joint_torques(T, tau) if leg.turned else tau
 
 
 @kernel
@@ -151,10 +151,10 @@ def settled(leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray) -> N
 @kernel
 def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: float) -> int:
     """Into how many parts a step of h [s] is cut: more where a joint meets its end stop, or gear friction turns round."""
-    T = drive_jacobian(leg, q[2:]) if leg.turned else np.zeros((0, 0))
-    motor = given(leg, T, T @ v[2:] if leg.turned else v[2:], command)
+    T = drives.drive_jacobian(leg, q[2:]) if leg.turned else np.zeros((0, 0))
+    motor = given(leg, T, drives.drive_speeds(T, v[2:]) if leg.turned else v[2:], command)
     parts = STOP_STEPS if stops.near(q[2:], v[2:], leg.stop_lower, leg.stop_upper, h) else 1
-    return max(parts, rubbing_parts(leg, motor, leg.armature, h)) * leg.finer
+    return max(parts, drives.rubbing_parts(leg, motor, leg.armature, h)) * leg.finer
 
 
 @kernel

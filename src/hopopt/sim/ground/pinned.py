@@ -29,13 +29,15 @@ def answer(leg: Any, mode: int, z: np.ndarray) -> np.ndarray:
     (3 n), the foot held still or in flight."""
     n = len(z) // 3
     q, v, tau = np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
-    q[2:], v[2:], tau[2:] = z[:n], z[n : 2 * n], z[2 * n :]
+    for k in range(n):
+        q[2 + k], v[2 + k], tau[2 + k] = z[k], z[n + k], z[2 * n + k]
     joints, centres, drift = chain(leg, q, v)
     forces, M = tau - bias(leg, q, v, joints, centres, drift), mass_matrix(leg, q, joints, centres)
     X, c, G, _ = response(M, forces, foot_jacobian(leg, joints), drift[n], v)
     found = np.zeros(n + 2)
     found[n], found[n + 1] = contact_force(mode, leg.mu, c, G)
-    found[:n] = X[2:, 0] + found[n] * X[2:, 1] + found[n + 1] * X[2:, 2]
+    for k in range(n):
+        found[k] = X[2 + k, 0] + found[n] * X[2 + k, 1] + found[n + 1] * X[2 + k, 2]
     return found
 
 

@@ -155,7 +155,10 @@ def mass_matrix(leg: Any, q: np.ndarray, joints: np.ndarray, centres: np.ndarray
             M[j, k] = M[k, j]
     if leg.turned:
         J = drive_jacobian(leg, q[2:])
-        M[2:, 2:] += J.T.copy() @ (leg.armature.reshape(n, 1) * J)
+        for i in range(n):
+            for j in range(n):
+                for k in range(n):
+                    M[2 + i, 2 + j] += J[k, i] * leg.armature[k] * J[k, j]
     return M
 
 
@@ -169,7 +172,8 @@ def bias(
     given = np.zeros(n)
     add_spring_torques(leg, q[2:], given)
     h = np.zeros(n + 2)
-    h[2:] = -given
+    for k in range(n):
+        h[2 + k] = -given[k]
     h[0], h[1] = -leg.body * leg.gravity[0], -leg.body * leg.gravity[1]
     for i in range(n):
         fx = leg.mass[i] * (drift[n + 1 + i, 0] - leg.gravity[0])
@@ -179,7 +183,10 @@ def bias(
         for j in range(i + 1):
             h[2 + j] += leg.sign[j] * ((centres[i, 1] - joints[j, 1]) * fx - (centres[i, 0] - joints[j, 0]) * fz)
     if leg.turned:
-        h[2:] += drive_jacobian(leg, q[2:]).T.copy() @ (leg.armature * drive_drift(leg, q[2:], v[2:]))
+        J, late = drive_jacobian(leg, q[2:]), drive_drift(leg, q[2:], v[2:])
+        for i in range(n):
+            for k in range(n):
+                h[2 + i] += J[k, i] * leg.armature[k] * late[k]
     return h
 
 
