@@ -19,6 +19,7 @@ from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.phases import flight
 from hopopt.ocp.problem import Instant, stack, symbols
 from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
 from hopopt.storage.seal.recheck import recheck
@@ -143,3 +144,24 @@ def test_the_papers_leg_with_a_soft_drive_is_verified_and_other_code_reaches_its
     assert recheck(stored).verified
     shown = said("show", str(stored.result_dir), cwd=tmp_path)
     assert re.search(r"series spring of the knee: [\d.]+ J stored at the start", shown.stdout)
+
+
+@pytest.mark.slow
+def test_where_the_springs_are_ever_stiffer_the_answer_becomes_that_of_the_stiff_leg() -> None:
+    """On one mesh, unrefined; it falls as 1 / k, so that ten times the stiffness leaves a tenth."""
+    mesh = (
+        "solver.refine=false",
+        "solver.stance_intervals=20",
+        "solver.flight_intervals=5",
+        "hop.stance_duration=[0.05, 0.2]",
+    )
+
+    def clearance(stiffness: float | None) -> float:
+        own = {"stiffness": stiffness, "damping": 310 * ((stiffness or 0) / 1e6) ** 0.5}
+        entries = [f"leg.{joint}.series_spring.{name}={x}" for joint in ("hip", "knee") for name, x in own.items()]
+        return solve(load("paper", [*mesh, *(entries if stiffness else ())]), starts=1, processes=1).clearance
+
+    stiff = clearance(None)
+    more = [clearance(stiffness) - stiff for stiffness in (1e6, 1e7)]
+    assert 0 < more[1] < 1e-4
+    assert more[0] / more[1] == pytest.approx(10, rel=0.1)

@@ -39,5 +39,6 @@ def _replay_interval(
 def missed(rates: Callable[[float, np.ndarray], np.ndarray], begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     """What states at the end of an interval differ by from those that their rates, by normalised time, lead to; infinite where
     that cannot be integrated."""
-    run = solve_ivp(rates, (0.0, 1.0), begin, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
+    with np.errstate(over="ignore", invalid="ignore"):  # what runs away has failed
+        run = solve_ivp(rates, (0.0, 1.0), begin, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
     return run.y[:, -1] - end if run.success else np.full(len(end), np.inf)
