@@ -105,18 +105,24 @@ def _drive_rates(leg: MovingLeg, s: Instant) -> ca.SX:
     return ca.vertcat(*added_states(leg.leg, s.p).rates(getattr(s, DRIVE), leg.commands(s), s.v))
 
 
-def holding_at_the_start(leg: MovingLeg) -> tuple[BoundaryConstraint, ...]:
-    """A hop from rest begins with the drives as they hold the leg there."""
+def holding(leg: MovingLeg, landing: str | None = None) -> tuple[BoundaryConstraint, ...]:
+    """A hop from rest begins with the drives as they hold the leg there; one that comes to rest in the phase ``landing`` ends so
+    where a series spring would move it on."""
     if not leg.drive_states.size:
         return ()
     scales = [scale for d in leg.drive_states.of.values() for scale in d.scales]
 
-    def miss(e: Ends) -> ca.SX:
-        s = e.initial[STANCE]
+    def miss(s: Instant) -> ca.SX:
         held = leg.dynamics(s).stance(s.q, s.v, ca.SX.zeros(leg.n)).tau
         return getattr(s, DRIVE) - ca.vertcat(*added_states(leg.leg, s.p).at_rest(ca.vertsplit(held)))
 
-    return (linkage("drives at the start", miss, scales, labels=leg.drive_states.labels()),)
+    def at(name: str, value: Callable[[Ends], ca.SX]) -> BoundaryConstraint:
+        return linkage(name, value, scales, labels=leg.drive_states.labels())
+
+    begins = at("drives at the start", lambda e: miss(e.initial[STANCE]))
+    if landing is None or not leg.drive_states.sprung:
+        return (begins,)
+    return begins, at("drives at rest", lambda e: miss(e.final[landing]))
 
 
 def carried_on(leg: MovingLeg, *phases: str) -> tuple[BoundaryConstraint, ...]:

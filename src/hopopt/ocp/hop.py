@@ -9,7 +9,7 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import Custom, as_rule, checked, named_custom
 from hopopt.ocp.custom import path as custom_path
-from hopopt.ocp.drives import carried_on, holding_at_the_start
+from hopopt.ocp.drives import carried_on, holding
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.heat import heat_goes_on
@@ -69,7 +69,8 @@ class Hop(MovingLeg):
         sequence = SEQUENCES.get(self.design.hop.kind, goal.sequence)(self, self.free_parameters)
         names = [part.phase.name for part in sequence.phases]
         drives = carried_on(self, *names, *(names[:1] if self.design.hop.periodic else ()))  # and round a cycle
-        drives += () if self.design.hop.periodic else holding_at_the_start(self)
+        landing = names[-1] if self.design.hop.kind == "landing" else None
+        drives += () if self.design.hop.periodic else holding(self, landing)
         return Problem(
             self.design.name,
             tuple(self._extended(phase) for phase in sequence.phases),

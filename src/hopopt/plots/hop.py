@@ -104,6 +104,9 @@ def joints(solution: Solution) -> Figure:
     for k, name in enumerate(names):
         _angle(grid[0, k], solution, motion, k)
         by_phase(grid[1, k], motion, lambda s: s.t, lambda s, k=k: s.v[:, k - len(names)])
+        if name in solution.design.leg.elastic:
+            turning = joined(motion, lambda s, k=k: s.w[:, k])
+            grid[1, k].plot(joined(motion, lambda s: s.t), turning, "--", color=GREY, lw=1, label="the drive's speed")
         _torque(grid[2, k], solution, motion, k)
         for ax, label in zip(grid[:, k], ("angle [rad]", "speed [rad/s]", "torque [N m]"), strict=True):
             mark_lift_off(ax, solution)

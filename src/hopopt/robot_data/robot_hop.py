@@ -11,6 +11,7 @@ import numpy as np
 
 from hopopt.comparison.compare import planned_trace
 from hopopt.design import Design
+from hopopt.drivetrain.dynamics import refuse_series_springs
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.planner.solution import Solution
@@ -25,6 +26,7 @@ EXCESS = 0.05  # of the stall torque: a torque that is so much above what the dr
 
 def trace_of(log: RobotLog, design: Design) -> Trace:
     """The log as if it had been simulated, the body placed by the leg in stance and by a parabola in flight."""
+    refuse_series_springs(design.leg, "a robot's log")
     robot = build_robot(design.leg)
     machine, n, gravity = Machine(robot), len(robot.joints), robot.model.gravity.linear[[0, 2]]
     q, v = np.zeros((len(log.t), BASE + n)), np.zeros((len(log.t), BASE + n))

@@ -31,7 +31,7 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, STATE, Check
 from hopopt.verify.replay import missed
 from hopopt.verify.springs.at_drives import at_drives, rotors
-from hopopt.verify.table import POWERS, STANCE, TO_POWERS, Table, over_time
+from hopopt.verify.table import LANDING, POWERS, STANCE, TO_POWERS, Table, over_time
 
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # drives' speeds and torques asked to torques given
 
@@ -162,8 +162,10 @@ def drives_go_on(machine: Machine, design: Design, tables: Mapping[str, Table]) 
     jumps = [after[0] - before[1] for before, after in pairwise([*ends, *ends[: design.hop.periodic]])]
     yield Check("drives from phase to phase", float(np.abs(jumps).max()), EXACT, "of their scales")
     if not design.hop.periodic:
-        held = states.at_rest(machine.stance_terms(first.q[0, 0, BASE:], first.v[0, 0, BASE:]).joint_bias)
-        yield Check("drives at the start", float(np.abs(held / scales - ends[0][0]).max()), EXACT, "of their scales")
+        held = states.at_rest(machine.stance_terms(first.q[0, 0, BASE:], first.v[0, 0, BASE:]).joint_bias) / scales
+        yield Check("drives at the start", float(np.abs(held - ends[0][0]).max()), EXACT, "of their scales")
+        if LANDING in tables and states.sprung:
+            yield Check("drives at rest", float(np.abs(held - ends[-1][1]).max()), EXACT, "of their scales")
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ class MovingLeg:
         if design.contact.force_rate is not None and not self.no_jumps:
             raise UsageError(
                 f"{design.name}: where a torque jumps the ground force does too, so contact.force_rate needs leg.motor.torque_rate: "
-                "give it for every motor"
+                "give it for every motor, or a series spring at every joint"
             )
 
     @property
