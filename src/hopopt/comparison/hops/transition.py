@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.dynamics import refuse_series_springs
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.hops.several_hops import in_words
@@ -103,6 +104,7 @@ def transition(
     Raises UsageError for hops that are not periodic or of another leg, NotSolvedError if no number of hops leads there.
     """
     say = progress or (lambda text: None)
+    refuse_series_springs(design.leg, "a plan of several hops")
     design = design.of_kind("periodic")
     if not all(np.isfinite(least) and least >= 0 for least in clearances):
         raise UsageError(
