@@ -24,6 +24,7 @@ from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
 from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import save
+from hopopt.studies.sensitivity import sensitivity
 from hopopt.verify.table import NORMALISED_TIMES
 from once import solved_once
 
@@ -165,3 +166,12 @@ def test_where_the_springs_are_ever_stiffer_the_answer_becomes_that_of_the_stiff
     more = [clearance(stiffness) - stiff for stiffness in (1e6, 1e7)]
     assert 0 < more[1] < 1e-4
     assert more[0] / more[1] == pytest.approx(10, rel=0.1)
+
+
+@pytest.mark.rarely
+def test_what_a_softer_spring_brings_is_told_before_it_is_tried() -> None:
+    """By multipliers, and by a hop solved again with 1 % more."""
+    s, path = solved_once(SOFT), f"{SPRING}.stiffness"
+    told = {i.name: i.per_unit for i in sensitivity(s)}[path]
+    again = solved_once((f"{path}=303", SOFT[1]))
+    assert (again.clearance - s.clearance) / 3 == pytest.approx(told, rel=0.05)
