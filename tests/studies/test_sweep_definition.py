@@ -10,6 +10,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.errors import ProblemFileError, ResultError, UsageError
+from hopopt.problem.load import catalogue_of
 from hopopt.storage.seal.digests import seal
 from hopopt.studies.sweep.definition import Axis, Definition, define, parse
 from hopopt.studies.sweep.order import doubtful, sources, tree
@@ -293,6 +294,29 @@ def test_table_and_dataset_say_the_same(tmp_path: Path) -> None:
     assert len(lines) == 7
     assert lines[4].startswith("3,80.0,0.34,verified,0.8")
     assert lines[5].endswith('"a ""sentence"", with a comma"')
+
+
+def test_motors_of_a_catalogue_of_ones_own_are_varied_by_their_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each point is the problem that names that motor, also of a study that goes on when the catalogue is gone or another."""
+    monkeypatch.chdir(tmp_path)
+    own = "[motor.mine]\nmax_torque = {}\nmax_speed = 400.0\nrotor_inertia = 2e-5\n"
+    Path("my.toml").write_text(own.format(3.0))
+    Path("leg.toml").write_text('extends = "paper"\ncatalogue = "my.toml"\n')
+    vary = {"leg.motor": "mine,mini-cheetah", "leg.gear.ratio": [30, 60]}
+    study = define(ho.load("leg.toml"), vary, entries=catalogue_of("leg.toml"))
+    named = [ho.load("leg.toml", {"leg.motor": name, "leg.gear.ratio": 60.0}) for name in ("mine", "mini-cheetah")]
+    assert [study.design_at(1), study.design_at(3)] == named
+    folder = open_folder(study, tmp_path)
+    Path("my.toml").write_text(own.format(4.0))
+    again = read_definition(folder)
+    assert [again.design_at(1), again.design_at(3)] == named
+    other = define(ho.load("leg.toml"), vary, entries=catalogue_of("leg.toml"))
+    with pytest.raises(ResultError, match="other own catalogue"):
+        check_same(folder, other)
+    with pytest.raises(UsageError, match=r'leg\.motor = "mine" is not in the catalogue'):
+        ho.sweep(ho.load("leg.toml"), vary)  # a problem that is no file any more names built-in ones alone
 
 
 def test_motors_and_gears_are_varied_by_their_names(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from hopopt.comparison.robust import robust as robustness
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.planner import solution
+from hopopt.problem.catalogue import Entry
 from hopopt.problem.load import as_design, catalogue_of
 from hopopt.problem.own import check_can_be_sent, name_of, with_constraints
 from hopopt.studies.choose.each import choose_each
@@ -70,8 +71,9 @@ def sweep(
     check_can_be_sent(processes, objective, *constraints)
     design = with_constraints(as_design(problem), constraints)
     definition = define(
-        design, vary, objective=name_of(objective), sample=sample, seed=seed, starts=starts, preliminary=preliminary
-    )
+        design, vary, objective=name_of(objective), sample=sample, seed=seed, starts=starts, preliminary=preliminary,
+        entries=_nameable(problem),
+    )  # fmt: skip
     settings: dict[str, Any] = {
         "processes": processes, "scheduler": scheduler, "progress": told(progress), "until": within(time_limit),
         **_places(results, resume),
@@ -79,6 +81,11 @@ def sweep(
     if preliminary:
         return as_class(Map, run_map(definition, verify_best=verify_best, **settings))
     return as_class(Study, run(definition, **settings))
+
+
+def _nameable(problem: Problem, overrides: Mapping[str, Any] | None = None) -> dict[str, Entry]:
+    """Motors and gears that a problem can name; one that is no file any more can name the built-in ones."""
+    return catalogue_of(problem if isinstance(problem, str | Path) else "paper", overrides or {})
 
 
 def _places(results: str | Path | None, resume: str | Path | None) -> dict[str, Any]:
@@ -126,7 +133,7 @@ def choose(
     Raises UsageError for what cannot be asked, ProblemFileError for a catalogue with faults.
     """
     own = {} if catalogue is None else {"catalogue": str(catalogue)}
-    entries = catalogue_of(problem if isinstance(problem, str | Path) else "paper", own)
+    entries = _nameable(problem, own)
     found = (choose_each if each else chosen)(
         as_design(problem), clearance, joints=joints, only=only, legs=legs, by=by, verify=verify, present_mass=present_mass,
         entries=entries, starts=starts, processes=processes, scheduler=scheduler, progress=told(progress),

@@ -83,11 +83,12 @@ def as_design(problem: Any) -> Design:
     return problem
 
 
-def changed(design: Design, entries: Mapping[str, Any]) -> Design:
-    """The design with entries (paths to values) replaced; ProblemFileError with one sentence for each fault."""
+def changed(design: Design, entries: Mapping[str, Any], own: Mapping[str, Entry] | None = None) -> Design:
+    """The design with entries (paths to values) replaced; ``own``: motors and gears that they may name beside the built-in
+    ones. ProblemFileError with one sentence for each fault."""
     report = Report(design.name, design.name)
     data = design.model_dump(exclude_none=True)
-    _lay_overrides(data, entries, {}, report)
+    _lay_overrides(data, entries, own or {}, report)
     return _checked(data, report, without_modules=bool(absent(design.needs or ())))
 
 

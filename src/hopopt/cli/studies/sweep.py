@@ -12,7 +12,7 @@ from hopopt.cli.screen.console import Shown, progress
 from hopopt.cli.screen.studies import of_map, of_sweep
 from hopopt.errors import UsageError
 from hopopt.plots.studies.sweep import save_all
-from hopopt.problem.load import load
+from hopopt.problem.load import catalogue_of, load
 from hopopt.problem.own import name_of, with_constraints
 from hopopt.studies.maps.run import CHECKED, check_verify_best, run_map
 from hopopt.studies.sweep.definition import Definition, define, parse
@@ -160,6 +160,7 @@ def _definition(
         seed=seed,
         starts=starts,
         preliminary=preliminary,
+        entries=catalogue_of(problem or "paper", set_ or ()),
     )
 
 

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -14,6 +14,7 @@ from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives.registry import find
+from hopopt.problem.catalogue import Entry, catalogue
 from hopopt.problem.load import changed
 from hopopt.problem.render import design_hash, shown, shown_path, values_of
 
@@ -47,7 +48,10 @@ class Axis:
 
 @dataclass(frozen=True)
 class Definition:
-    """Everything that decides a study's results; the points follow from it."""
+    """Everything that decides a study's results; the points follow from it.
+
+    own: motors and gears that an axis names and the built-in catalogue has not
+    """
 
     design: Design
     objective: str
@@ -58,6 +62,7 @@ class Definition:
     preliminary: bool = False  # solved on the first mesh alone (studies/maps)
     listed: tuple[tuple[float, ...], ...] = ()  # the points, where they are neither a grid nor a sample
     wish: float = 0.0  # value that is asked for of a list: what ends far below it is not searched for long
+    own: Mapping[str, Entry] = field(default_factory=dict)
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -108,7 +113,7 @@ class Definition:
                 listed = list(entries.get(path, values_of(self.design)[path]))
                 listed[index] = x
                 entries[path] = listed
-        return changed(self.design, entries)
+        return changed(self.design, entries, self.own)
 
     @cached_property
     def normalized(self) -> np.ndarray:
@@ -142,6 +147,7 @@ class Definition:
             "objective": self.objective, "axes": axes, "sample": self.sample, "seed": self.seed,
             "starts": self.starts, "points": len(self.points), **({"preliminary": True} if self.preliminary else {}),
             **({"listed": [list(row) for row in self.listed], "wish": self.wish} if self.listed else {}),
+            **({"own_catalogue": {name: dict(e.stated) for name, e in self.own.items()}} if self.own else {}),
         }  # fmt: skip
 
 
@@ -154,9 +160,11 @@ def define(
     seed: int = 0,
     starts: int | None = None,
     preliminary: bool = False,
+    entries: Mapping[str, Entry] | None = None,
 ) -> Definition:
     """The study of ``design`` with the entries of ``vary`` varied: a text (60:160:11 or 60,80,100), a list of
-    values, or, with a sample, (lower, upper). UsageError in a sentence if that makes no study."""
+    values, or, with a sample, (lower, upper). ``entries``: motors and gears that may be named (None: the built-in ones).
+    UsageError in a sentence if that makes no study."""
     find(objective)
     if not vary:
         raise UsageError(f"nothing is varied: {HOW_TO_VARY}")
@@ -164,12 +172,14 @@ def define(
     check("starts", starts)
     count = sampling(sample)[1] if sample else 1
     axes = tuple(axis(entry, given, bool(sample)) for entry, given in vary.items())
+    named, built_in = {name for a in axes for name in a.names}, catalogue()
+    own = {name: e for name, e in (entries or {}).items() if name in named and name not in built_in}
     for a in axes:
-        check_entry(design, a)
+        check_entry(design, a, own)
         count *= 1 if sample else len(a.values)
     if count > MOST_POINTS:
         raise UsageError(f"these are {count} points: a study has {MOST_POINTS} at most")
-    return Definition(design, objective, axes, sample, seed, starts, preliminary)
+    return Definition(design, objective, axes, sample, seed, starts, preliminary, own=own)
 
 
 def parse(texts: Sequence[str]) -> dict[str, str]:
@@ -263,8 +273,8 @@ def whole_number(design: Design, entry: str) -> bool:
     return type(values_of(design).get(entry)) is int
 
 
-def check_entry(design: Design, a: Axis) -> None:
-    """That there is such an entry, and that it is a number."""
+def check_entry(design: Design, a: Axis, own: Mapping[str, Entry]) -> None:
+    """That there is such an entry, and that it is a number, or takes the names, with those of one's ``own``."""
     path, index = place(a.entry)
     value = values_of(design).get(path)
     if index is not None and (not isinstance(value, (tuple, list)) or index >= len(value)):
@@ -275,7 +285,7 @@ def check_entry(design: Design, a: Axis) -> None:
         raise UsageError(f"--vary {a.entry}: it takes whole numbers only")
     try:
         for name in a.names:
-            changed(design, {path: name})
+            changed(design, {path: name}, own)
         if not a.names:
             changed(design, {path: None} if index is not None else {path: value if value is not None else a.range[0]})
     except ProblemFileError as error:

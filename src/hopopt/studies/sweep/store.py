@@ -25,6 +25,7 @@ from hopopt.errors import ResultError, UsageError
 from hopopt.extensions import note_needed, stored_doubts, used
 from hopopt.files import write_whole
 from hopopt.ocp.objectives.registry import find
+from hopopt.problem.catalogue import Entry
 from hopopt.problem.load import load, resolved_toml
 from hopopt.record import as_data
 from hopopt.storage.folder import as_json, new_folder, reason_of, writing
@@ -77,7 +78,8 @@ def read_definition(folder: Path) -> Definition:
                 preliminary=True,
             )
         else:
-            found = define(design, vary, **more)
+            own = {name: Entry(name, "", stated, {}) for name, stated in data.get("own_catalogue", {}).items()}
+            found = define(design, vary, **more, entries=own)
         stamp(found)  # its points follow from it
     except FileNotFoundError:
         raise ResultError(f"{folder}: no study to resume (sweep.json is missing)") from None
