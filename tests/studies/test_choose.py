@@ -4,6 +4,7 @@ import json
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import hopopt as ho
@@ -11,6 +12,9 @@ from hopopt.api.asked import as_class
 from hopopt.cli.main import run
 from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.leg.robot import BASE
+from hopopt.nlp.deadline import NEVER
+from hopopt.ocp.phases import STANCE
 from hopopt.planner.solve import solve
 from hopopt.problem.catalogue import catalogue
 from hopopt.problem.load import catalogue_of, changed, load
@@ -234,3 +238,40 @@ def test_a_body_that_would_weigh_nothing_is_told_in_a_sentence() -> None:
     assert (
         "is less than the 17.7 kg of all legs' present drives, which it counts: give --present-mass" in found.sentence
     )
+
+
+RODS_AND_SPRING = {
+    "leg.knee.transmission.linear.slope": -0.2, "leg.knee.transmission.linear.at": -1.3,
+    "leg.knee.transmission.coupling.hip.ratio": 1.0,
+    "leg.spring.knee.stiffness": 20.0, "leg.spring.knee.rest_angle": -1.0, "leg.spring.knee.acts": "below",
+}  # fmt: skip
+
+
+def test_a_leg_with_springs_or_rods_drops_no_pair_because_it_cannot_hold_the_start_pose(tmp_path: Path) -> None:
+    """With either it may sink into a pose in which it is stronger. A plain leg drops this motor without a gear at once."""
+    plain, at_once = load("paper"), {"verify": 0, "processes": 1, "results": tmp_path, "until": NEVER.within(0.0)}
+    weak = ["maxon-ec45-flat-70", "maxon-gp42c-26"]
+    for entries, outcome in (
+        ({}, WEAK),
+        (RODS_AND_SPRING, NOT_SOLVED),
+        ({"leg.spring.knee.stiffness": 1.0, "leg.spring.knee.rest_angle": 0.0}, NOT_SOLVED),
+    ):
+        heavy = changed(plain, {**entries, "leg.body.mass": 20.0})
+        (candidate,) = choose(heavy, 0.05, only=weak, present_mass=1.0, **at_once).candidates
+        assert candidate.outcome == outcome
+
+
+@pytest.mark.slow
+def test_drives_that_push_through_rods_beside_a_spring_are_chosen(tmp_path: Path) -> None:
+    """As high as a solve of the written leg, and the energy of the push is of its drives, whose ratios are written out here."""
+    design = changed(load("paper"), RODS_AND_SPRING)
+    found = choose(design, 0.4, only=["mini-cheetah"], verify=0, processes=1, results=tmp_path)
+    (first,) = found.clearing
+    answer = solve(written(found, first), starts=1, processes=1)
+    assert answer.verified
+    assert first.clearance == pytest.approx(answer.clearance, rel=2e-3)
+    push = answer.everywhere(STANCE, np.linspace(0.0, 1.0, 9))
+    own = 1 - 0.2 * (push.q[:, BASE + 1] + 1.3)  # turns of the knee's drive for one of the knee
+    knee = push.tau[:, 1] / own
+    powers = np.array([push.tau[:, 0] - knee, knee]) * [push.v[:, BASE], push.v[:, BASE] + own * push.v[:, BASE + 1]]
+    assert first.energy == pytest.approx(np.trapezoid(np.maximum(powers, 0).sum(axis=0), push.t), rel=0.02)

@@ -61,6 +61,14 @@ def test_a_worker_killed_on_the_way_costs_nothing(tmp_path: Path, expected: list
     assert len(expected) == 12
 
 
+@pytest.mark.rarely
+def test_motors_and_gears_are_chosen_by_the_workers_as_here(tmp_path: Path) -> None:
+    asked = {"only": ["mini-cheetah", "apex-af042-20"], "verify": 0, "processes": 1, "results": tmp_path}
+    here, there = (ho.choose("paper", 0.4, **asked, scheduler=scheduler) for scheduler in (None, "local"))
+    assert len(here.clearing) == 2
+    assert there.candidates == here.candidates
+
+
 def test_without_dask_it_is_said_in_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(UsageError, match=r"hopopt\[dask\]"):

@@ -8,7 +8,6 @@ from hopopt.drivetrain.operating_region.limits import Line
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_limits
 from hopopt.leg.derived import velocity_limit
-from hopopt.leg.robot import BASE
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
@@ -23,7 +22,7 @@ PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # in every interval
 
 @dataclass(frozen=True)
 class Push:
-    """energy: positive work of the joints in stance [J]; peak_power: the most of all joints together [W]; exhausted: "torque",
+    """energy: positive work of the drives in stance [J]; peak_power: the most of all drives together [W]; exhausted: "torque",
     "speed" or "supply", whichever is at its limit for the longest, empty if none is."""
 
     energy: float
@@ -37,7 +36,7 @@ def push(definition: Definition, point: MapPoint, x: np.ndarray) -> Push:
     t = first_program(definition, hop, point.values, NEVER, WARM)[0]
     plan = Motion(hop.design, definition.objective, t.unpack(x / t.scale, t.parameter_values())[0])
     s = plan.everywhere(STANCE, PLACES)
-    power = s.tau * s.v[:, BASE:]
+    power = hop.robot.drive_torques(s.q, s.tau) * s.w
     at = s.t
     energy = float(np.trapezoid(np.maximum(power, 0.0).sum(axis=1), at))
     return Push(energy, float(power.sum(axis=1).max()), _exhausted(hop, s.command, s.w, power.sum(axis=1)))

@@ -123,7 +123,8 @@ def _before(chosen: Drives, pair: Tried, wish: float, entries: Mapping[str, Entr
     most = highest(design)
     if most < wish:
         return replace(found, bound=most, outcome=choice.DROPPED, lacks="power or speed")
-    weak = strength(design, build_robot(design.leg)) < HOPELESS
+    leg = design.leg  # where springs or changing ratios help, a weak drive may fall into a pose in which it hops
+    weak = leg.direct and not leg.spring and strength(design, build_robot(leg)) < HOPELESS
     return replace(found, bound=most, outcome=choice.WEAK if weak else "", lacks="torque" if weak else "")
 
 
