@@ -21,6 +21,7 @@ from hopopt.errors import SolverError
 from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
+from hopopt.studies.sweep.first_program import kinds, with_others
 from hopopt.studies.sweep.point import Neighbour, solve_again, solve_point
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED
 from stored_results import stored_study
@@ -244,6 +245,22 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypa
     assert again.clearance_m == pytest.approx(second.clearance_m, rel=1e-6)
     assert again.solved_in == 1
     np.testing.assert_allclose(found["shape"], own["shape"], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_an_unsearched_point_follows_each_kind_that_its_neighbour_hands_on() -> None:
+    """Planted: a neighbour whose best is another kind of hop, the best one beside it; where nothing leads on, it is searched."""
+    definition = define(ho.load("paper"), {"leg.gear.ratio": [100, 101]})
+    first, begin = solve_point(definition, 0, [])
+    best, other = kinds(begin)[0], dict(kinds(begin)[0])
+    other["shape"] = other["shape"] + 1.0
+    planted = with_others(other | {"x": np.ones(3)}, [best])  # which leads nowhere
+    point, _ = solve_point(definition, 1, [Neighbour(0, 0, planted)], search=False)
+    assert (point.verified, point.searched, point.begun_from) == (True, False, 0)
+    assert (first.objective_value or 0.0) - 3e-3 < (point.objective_value or 0.0) < (first.objective_value or 0.0)
+    alone, _ = solve_point(definition, 1, [Neighbour(0, 0, other | {"x": np.ones(3)})], search=False)
+    assert (alone.verified, alone.searched, alone.begun_from) == (True, True, None)
+    assert alone.objective_value == pytest.approx(point.objective_value, rel=1e-5)
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Which points a study has, and what is reported of one that makes no sense."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -13,7 +14,8 @@ from hopopt.errors import ProblemFileError, ResultError, UsageError
 from hopopt.problem.load import catalogue_of
 from hopopt.storage.seal.digests import seal
 from hopopt.studies.sweep.definition import Axis, Definition, define, parse
-from hopopt.studies.sweep.order import doubtful, sources, tree
+from hopopt.studies.sweep.first_program import kinds, with_others
+from hopopt.studies.sweep.order import doubtful, sources, to_search, tree
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, VERIFIED, Point
 from hopopt.studies.sweep.store import (
     check_same,
@@ -357,3 +359,35 @@ def test_a_study_of_an_earlier_version_is_read_and_not_continued(tmp_path: Path)
     seal(folder, ("sweep.json",))
     with pytest.raises(ResultError, match="other seed"):
         read_definition(folder)
+
+
+def verified(count: int, searched: Sequence[int], better: int | None = None) -> dict[int, Point]:
+    """Verified points, some of them searched as a single solve is; at one of those the search found a better hop later."""
+    return {
+        k: Point(
+            k,
+            {},
+            VERIFIED,
+            objective_value=0.7,
+            searched=k in searched,
+            corrected=k == better,
+            begun_from=None if k in searched else 0,
+        )
+        for k in range(count)
+    }
+
+
+def test_points_far_from_those_that_were_searched_are_checked_and_all_others_if_one_was_wrong() -> None:
+    study = define(PAPER, {RATIO: "60:160:9"})
+    assert sorted(to_search(study, verified(9, [4]), 1)) == [0, 8]
+    assert to_search(study, verified(9, [0, 4, 8]), 2) == []
+    assert to_search(study, verified(9, [0, 4, 8], better=8), 2) == [1, 2, 3, 5, 6, 7]
+    assert to_search(study, verified(9, range(9)), 1) == []  # as with a number of starts of its own
+
+
+def test_a_point_hands_on_other_kinds_of_optima() -> None:
+    best, other = ({"x": np.full(3, value), "shape": np.full(2, value)} for value in (1.0, 2.0))
+    for given in ([], [other], [other, best]):
+        found = kinds(with_others(best, given))
+        assert [list(begin) for begin in found] == [["x", "shape"]] * (1 + len(given))
+        assert [begin["x"][0] for begin in found] == [1.0, *(begin["x"][0] for begin in given)]

@@ -28,6 +28,7 @@ FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
 
 Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
 KEPT_PROGRAMS = 2  # of the first mesh, by a process: for neighbours, and for starts
+OTHER = "other-{}.{}"  # name of an array of another kind of optimum than the best, in a Begin
 FROM_NEIGHBOUR = CARRIED | {"ipopt.max_iter": NEIGHBOUR_ITERATIONS}
 
 _compiled: dict[str, tuple[Hop, Transcription, NlpSolver]] = {}  # this process's last programs of the first mesh
@@ -126,6 +127,21 @@ def begin_of(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
         "objective": np.array(outcome.objective),
         "shape": np.concatenate([s.ravel() for s in states]),
     }
+
+
+def with_others(begin: Begin, others: Iterable[Begin]) -> dict[str, np.ndarray]:
+    """What neighbours begin from where other kinds of optima are carried on too."""
+    more = {OTHER.format(k, name): value for k, other in enumerate(others) for name, value in other.items()}
+    return {**begin, **more}
+
+
+def kinds(begin: Begin) -> list[Begin]:
+    """The optima that a point hands on, the best first."""
+    found, k = [{name: value for name, value in begin.items() if "." not in name}], 0
+    while other := {name: begin[key] for name in found[0] if (key := OTHER.format(k, name)) in begin}:
+        found.append(other)
+        k += 1
+    return list(found)
 
 
 def stored_outcome(hop: Hop, t: Transcription, begin: Begin) -> StartOutcome:

@@ -10,6 +10,7 @@ from hopopt.studies.sweep.point_file import IMPOSSIBLE, VERIFIED, Point
 
 SEED_FOR = 24  # points that one seed may lead to
 UNLIKE = 0.3  # of the scaled states: farther apart are optima of different kinds
+SPOTS = 2  # points at least that are searched to check what their neighbours led to
 DOUBT = 5e-4  # relative: how far below its neighbours' trend a point may lie
 
 
@@ -19,8 +20,8 @@ def tree(points: np.ndarray, chosen: Sequence[int], first: int | None = None) ->
     x = points[list(chosen)]
     n = len(x)
     order = [int(np.argmin(np.linalg.norm(x - x.mean(axis=0), axis=1))) if first is None else list(chosen).index(first)]
-    while first is None and len(order) < 1 + n // SEED_FOR:
-        order.append(int(np.argmax(np.min([np.linalg.norm(x - x[s], axis=1) for s in order], axis=0))))
+    if first is None:
+        order += farthest(x, order, n // SEED_FOR)
     away, parent, parents = np.full(n, np.inf), np.full(n, -1), dict[int, int]()
     for s in order:
         _attach(s, x, away, parent)
@@ -32,6 +33,26 @@ def tree(points: np.ndarray, chosen: Sequence[int], first: int | None = None) ->
         _attach(k, x, away, parent)
         away[order] = np.inf
     return [chosen[k] for k in order], {chosen[k]: chosen[p] for k, p in parents.items()}
+
+
+def farthest(x: np.ndarray, known: Sequence[int], count: int) -> list[int]:
+    """So many of the points (n, d), each the farthest from those that are known and those before it."""
+    found = list(known)
+    while len(found) < min(len(known) + count, len(x)):
+        found.append(int(np.argmax(np.min([np.linalg.norm(x - x[s], axis=1) for s in found], axis=0))))
+    return found[len(known) :]
+
+
+def to_search(definition: Definition, finished: Mapping[int, Point], number: int) -> list[int]:
+    """The points that are searched as a single solve is, in a pass after the first: at first some that are far from those
+    that were, as a spot check. If that found better hops, or others that its neighbours led to, all others follow."""
+    possible = [k for k, p in sorted(finished.items()) if p.outcome != IMPOSSIBLE]
+    searched = [place for place, k in enumerate(possible) if finished[k].searched]
+    if number == 1 and searched:
+        spots = farthest(definition.normalized[possible], searched, max(SPOTS, 1 + len(possible) // SEED_FOR))
+        return [possible[place] for place in spots]
+    better = any(p.searched and p.corrected and p.begun_from is None for p in finished.values())
+    return [k for k in possible if not finished[k].searched] if better else []
 
 
 def _attach(k: int, x: np.ndarray, away: np.ndarray, parent: np.ndarray) -> None:

@@ -8,6 +8,7 @@ checks are those of a single solve.
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +25,7 @@ from hopopt.planner.attempts import POINT, Attempt, tried_again
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.search.first_mesh import search_first_mesh
 from hopopt.planner.search.multistart import (
+    CLOSE_OBJECTIVE,
     StartOutcome,
     contenders,
     first_transcription,
@@ -42,7 +44,9 @@ from hopopt.studies.sweep.first_program import (
     compiling_shared,
     first_program,
     from_neighbour,
+    kinds,
     stored_outcome,
+    with_others,
 )
 from hopopt.studies.sweep.order import unlike
 from hopopt.studies.sweep.point_file import ENDED, NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
@@ -53,15 +57,15 @@ FIRST_MESH_ERROR = 3e-3  # relative: what the first mesh may be wrong by between
 REFINEMENT_STOPPED = "refinement stopped: no start's or neighbour's optimum could be refined"
 
 Kept = tuple[Point, Begin]
+CARRIED_KINDS = 2  # of optima beside the best that a point hands on to its neighbours, at most
 Found = tuple["Neighbour | None", StartOutcome, Begin, Transcription]  # on the first mesh
-FromSource = tuple["Neighbour", StartOutcome, Begin, Transcription]
 _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
 
 
-def solve_point(definition: Definition, k: int, sources: Sequence[Neighbour]) -> Kept:
-    """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
+def solve_point(definition: Definition, k: int, sources: Sequence[Neighbour], search: bool = True) -> Kept:
+    """Solve point k from the sources; if ``search``, or none of them leads to a verified hop, as a single solve does too."""
     began = time.perf_counter()
-    found = guarded(_solved, definition, k, sources)
+    found = guarded(_solved, definition, k, sources, search)
     if isinstance(found, Fault):
         found = Point(k, definition.values(k), ENDED, found.sentence, traceback=found.traceback), {}
     point, begin = found
@@ -69,27 +73,56 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Neighbour]) ->
     return replace(point, tried=tried, seconds=time.perf_counter() - began), begin
 
 
-def _solved(definition: Definition, k: int, sources: Sequence[Neighbour]) -> Kept:
-    point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
+def _solved(definition: Definition, k: int, sources: Sequence[Neighbour], search: bool) -> Kept:
+    point, begin = Point(k, definition.values(k), NOT_SOLVED, searched=search), dict[str, np.ndarray]()
+    found = list[Found]()
     with _one_at_a_time, compiling_shared(definition):
         until = NEVER.within(TIME_LIMIT)
         try:
             hop = Hop(definition.design_at(k), definition.objective)
             if faults := cannot_begin(hop.design, hop.robot):
                 raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
-            for source, found in _answers(definition, hop, point.values, sources, until):
-                if not point.solved or _preferred(hop, found[0], point):
-                    point, begin = _described(point, found[0], source), dict(found[1])
+            found = _on_the_first_mesh(definition, hop, point.values, sources, until)
+            if not search:
+                point, begin = _best(hop, found, (point, begin), until)
+            if not point.verified:
+                found += _searched(definition, hop, bool(found), until)
+                point, begin = _best(hop, found, (replace(point, searched=True), begin), until)
         except NotSolvedError as error:  # one point does not end a study
             if not point.solved:
                 point = replace(point, sentence=one_line(error))
-    return (point if point.solved or point.sentence else replace(point, sentence=REFINEMENT_STOPPED)), begin
+    point = point if point.solved or point.sentence else replace(point, sentence=REFINEMENT_STOPPED)
+    return point, _handed_on(begin, found)
 
 
-def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Neighbour], after_pass: int) -> Kept:
-    """Solve a finished point from other neighbours; the better, and that they were tried."""
+def _best(hop: Hop, found: Sequence[Found], kept: Kept, until: Deadline) -> Kept:
+    """The best point that its optima on the first mesh lead to, or the one that is kept."""
+    point, begin = kept
+    for source, answer, its in _answers(hop, found, until):
+        if not point.solved or _preferred(hop, answer, point):
+            point, begin = _described(point, answer, source), its
+    return point, begin
+
+
+def _handed_on(begin: Begin, found: Sequence[Found]) -> Begin:
+    """What neighbours begin from: the best, and other kinds of optima that are nearly as good on the first mesh."""
+    if not begin:
+        return begin
+    carried, best = [begin], float(begin["objective"])
+    for other in (each[2] for each in sorted(found, key=lambda each: -each[1].signed_value)):
+        close = abs(float(other["objective"]) - best) <= CLOSE_OBJECTIVE * abs(best)
+        if close and len(carried) <= CARRIED_KINDS and all(unlike(other["shape"], b["shape"]) for b in carried):
+            carried.append(other)
+    return with_others(begin, carried[1:])
+
+
+def solve_again(
+    definition: Definition, old: Point, own: Begin, sources: Sequence[Neighbour], after_pass: int, search: bool = False
+) -> Kept:
+    """Solve a finished point from other neighbours and, if ``search``, as a single solve does; the better, and what was
+    tried."""
     began = time.perf_counter()
-    found = guarded(_solved_again, definition, old, own, sources, after_pass)
+    found = guarded(_solved_again, definition, old, own, sources, after_pass, search)
     if isinstance(found, Fault):
         found = replace(old, sentence=found.sentence, traceback=found.traceback), {}
     best, begin = found
@@ -99,16 +132,20 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
 
 
 def _solved_again(
-    definition: Definition, old: Point, own: Begin, sources: Sequence[Neighbour], after_pass: int
+    definition: Definition, old: Point, own: Begin, sources: Sequence[Neighbour], after_pass: int, search: bool
 ) -> Kept:
-    best, begin = (old := replace(old, traceback="")), dict[str, np.ndarray]()
+    best, begin = (old := replace(old, traceback="", searched=old.searched or search)), dict[str, np.ndarray]()
     with _one_at_a_time, compiling_shared(definition):
         until = NEVER.within(TIME_LIMIT)
         hop = Hop(definition.design_at(old.index), definition.objective)
-        known = own if old.verified else None
-        for source, found, its in _other_answers(definition, hop, old.values, sources, known, until):
+        known = kinds(own)[0] if old.verified else None
+        on_the_first_mesh = _on_the_first_mesh(definition, hop, old.values, sources, until)
+        with suppress(NotSolvedError):
+            on_the_first_mesh += _searched(definition, hop, False, until) if search else []
+        for source, found, its in _other_answers(hop, on_the_first_mesh, known, until):
             if _better(hop, found.objective_value, best):
-                best, begin = replace(_described(old, found, source), solved_in=after_pass), its
+                best = replace(_described(old, found, source), solved_in=after_pass)
+                begin = _handed_on(its, on_the_first_mesh)
     improved = best is not old and _better(hop, best.objective_value or 0.0, old, CORRECTED)
     return replace(best, corrected=old.corrected or improved), begin
 
@@ -150,16 +187,10 @@ def _error(found: Answer) -> float | None:
     return found.verdict.error.too_high_by if found.verdict.error else None
 
 
-def _answers(
-    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Neighbour], until: Deadline
-) -> Iterator[tuple[Neighbour | None, tuple[Answer, Begin]]]:
-    """The refined and verified best of what the sources and the search of a single solve lead to on the first mesh, and
-    what is close to it but unlike."""
+def _answers(hop: Hop, found: Sequence[Found], until: Deadline) -> Iterator[tuple[Neighbour | None, Answer, Begin]]:
+    """The refined and verified best of what was found on the first mesh, and what is close to it but unlike."""
     verified, refined = False, list[Begin]()
-    from_sources = _on_the_first_mesh(definition, hop, values, sources, until)
-    count, known = definition.starts or hop.design.solver.starts, [each[1] for each in from_sources]
-    searched = _searched(hop, count, known, until)
-    for source, outcome, begin, t in sorted([*from_sources, *searched], key=lambda each: -each[1].signed_value):
+    for source, outcome, begin, t in sorted(found, key=lambda each: -each[1].signed_value):
         if refined and until.passed:
             return
         if not refined or not verified or _another(hop, begin, refined):
@@ -169,12 +200,12 @@ def _answers(
                 continue
             verified |= got.verified
             refined.append(begin)
-            yield source, (got, begin)
+            yield source, got, begin
 
 
-def _searched(hop: Hop, count: int, known: Sequence[StartOutcome], until: Deadline) -> list[Found]:
-    """The distinct hops that the search of a single solve finds beside those that are ``known``."""
-    t = first_transcription(hop)
+def _searched(definition: Definition, hop: Hop, known: bool, until: Deadline) -> list[Found]:
+    """The distinct hops that the search of a single solve finds; NotSolvedError if it finds none and none is ``known``."""
+    t, count = first_transcription(hop), definition.starts or hop.design.solver.starts
     try:
         besides = from_highest(hop, count, _silent, thorough=False, until=until)
         outcomes = search_first_mesh(hop, count, 1, _silent, besides, until).outcomes
@@ -188,17 +219,12 @@ def _searched(hop: Hop, count: int, known: Sequence[StartOutcome], until: Deadli
 
 
 def _other_answers(
-    definition: Definition,
-    hop: Hop,
-    values: Mapping[str, float],
-    sources: Sequence[Neighbour],
-    own: Begin | None,
-    until: Deadline,
-) -> Iterator[tuple[Neighbour, Answer, Begin]]:
-    """What is verified of the sources' optima that may be better than the ``own``, and than each other: the best on the
+    hop: Hop, found: Sequence[Found], own: Begin | None, until: Deadline
+) -> Iterator[tuple[Neighbour | None, Answer, Begin]]:
+    """What is verified of the optima found that may be better than the ``own``, and than each other: the best on the
     first mesh first, and none that is like one before."""
     verified: list[Begin] = []
-    for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources, until):
+    for source, outcome, begin, t in sorted(found, key=lambda each: -each[1].signed_value):
         known = [*verified[:1], *([] if own is None else [own])]
         again = any(not unlike(begin["shape"], other["shape"]) for other in verified)
         if again or until.passed or not all(_promising(hop, begin, other) for other in known):
@@ -214,20 +240,26 @@ def _other_answers(
 
 def _on_the_first_mesh(
     definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Neighbour], until: Deadline
-) -> list[FromSource]:
-    """What the sources lead to on the first mesh, the best first."""
-    found = []
-    for source in sources:
+) -> list[Found]:
+    """What the sources lead to on the first mesh: the best optimum of each, and their other kinds that were not tried yet."""
+    found, begun = list[Found](), list[Begin]()
+    kept = [kinds(source.begin) for source in sources]
+    others = [(source, begin) for source, its in zip(sources, kept, strict=True) for begin in its[1:]]
+    first = [(source, its[0]) for source, its in zip(sources, kept, strict=True)]
+    for place, (source, from_here) in enumerate([*first, *others]):
         if found and until.passed:
             break
+        if place >= len(first) and not all(unlike(from_here["shape"], other["shape"]) for other in begun):
+            continue
+        begun.append(from_here)
         try:
             t, solver = first_program(definition, hop, values, until)
-            outcome = from_neighbour(hop, t, solver, source)
+            outcome = from_neighbour(hop, t, solver, replace(source, begin=from_here))
         except SolverError:
             continue
         if outcome.success:
             found.append((source, outcome, begin_of(outcome, t), t))
-    return sorted(found, key=lambda each: -each[1].signed_value)
+    return found
 
 
 def _another(hop: Hop, begin: Begin, refined: Sequence[Begin]) -> bool:

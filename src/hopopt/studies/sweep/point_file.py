@@ -40,6 +40,7 @@ class Point:
     begun_from: the neighbour whose solution was the guess; None: the problem's starts
     tried: the neighbours that it was solved from, each with the pass that its solution is of
     corrected: whether another neighbour helped
+    searched: whether it was searched as a single solve is, beside what its neighbours led to
     after_pass: how far the study was
     solved_in: the pass of its solution
     seconds: how long it took [s]
@@ -60,6 +61,7 @@ class Point:
     begun_from: int | None = None
     tried: tuple[tuple[int, int], ...] = ()
     corrected: bool = False
+    searched: bool = True
     after_pass: int = 0
     solved_in: int = 0
     seconds: float = 0.0
@@ -107,7 +109,8 @@ def read_point(path: Path, definition: Definition) -> tuple[Point, str]:
         data = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(data, dict):
             raise TypeError("it is no JSON object")
-        kept = {f.name: data[f.name] for f in fields(Point) if f.name != "traceback"}
+        kept = {f.name: data[f.name] for f in fields(Point) if f.name not in ("traceback", "searched")}
+        kept["searched"] = data.get("searched", True)  # earlier versions did so at every point
         point = _points().validate_json(json.dumps(kept), strict=True)
         wrong = point.values != definition.values(point.index) or point.outcome not in OUTCOMES
     except (OSError, ValueError, TypeError, LookupError, RecursionError) as error:

@@ -20,7 +20,7 @@ from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.objectives.registry import find
 from hopopt.studies.faults import kept
 from hopopt.studies.sweep.definition import DRIVE, Definition
-from hopopt.studies.sweep.order import doubtful, sources
+from hopopt.studies.sweep.order import doubtful, sources, to_search
 from hopopt.studies.sweep.point import Neighbour, solve_again, solve_point
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_VERIFIED, Point
 from hopopt.studies.sweep.store import (
@@ -211,7 +211,8 @@ def _first_pass(
         ready = [] if until.passed else [k for k in waiting if all(g in finished for g in before.get(k, ()))]
         for k in ready[: crew.free]:
             waiting.remove(k)
-            crew.submit(solve_point, definition, k, _begins(folder, finished, origins(k)))
+            search = definition.starts is not None or k not in before
+            crew.submit(solve_point, definition, k, _begins(folder, finished, origins(k)), search)
         for point, begin in crew.done():
             save_point(folder, point, begin)
             finished[point.index] = point
@@ -238,16 +239,19 @@ def _further_passes(
     for number in range(1, PASSES + 1):
         if until.passed:
             break
-        jobs, done = _reasons(definition, folder, finished), passes.get(number, {})
+        search = to_search(definition, finished, number)
+        jobs, done = {k: [] for k in search} | _reasons(definition, folder, finished), passes.get(number, {})
         waiting = [k for k in jobs if k not in done]
         if waiting:
-            show.say(f"pass {number + 1}: {len(waiting)} point{'s' if len(waiting) > 1 else ''} from other neighbours")
+            how = f"{len({*waiting} & {*search}) or 'none'} by a search as of a single solve"
+            show.say(f"pass {number + 1}: {len(waiting)} point{'s' if len(waiting) > 1 else ''} again, {how}")
         while (waiting and not until.passed) or crew.busy:
             free = 0 if until.passed else crew.free
             for k in [waiting.pop(0) for _ in range(min(free, len(waiting)))]:
                 old = finished[k]
                 own = load_begin(folder, old) if old.solved else {}
-                crew.submit(solve_again, definition, old, own, _begins(folder, finished, jobs[k]), number)
+                begins = _begins(folder, finished, jobs[k])
+                crew.submit(solve_again, definition, old, own, begins, number, k in search)
             for point, begin in crew.done():
                 save_point(folder, point, begin)
                 done[point.index] = point
