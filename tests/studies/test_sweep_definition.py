@@ -362,26 +362,20 @@ def test_a_study_of_an_earlier_version_is_read_and_not_continued(tmp_path: Path)
 
 
 def verified(count: int, searched: Sequence[int], better: int | None = None) -> dict[int, Point]:
-    """Verified points, some of them searched as a single solve is; at one of those the search found a better hop later."""
-    return {
-        k: Point(
-            k,
-            {},
-            VERIFIED,
-            objective_value=0.7,
-            searched=k in searched,
-            corrected=k == better,
-            begun_from=None if k in searched else 0,
-        )
-        for k in range(count)
-    }
+    """Verified points, some of them searched as a single solve is; at one of those that found a better hop in pass 1."""
+    found = {k: Point(k, {}, VERIFIED, objective_value=0.7, begun_from=0, searched=k in searched) for k in range(count)}
+    if better is not None:
+        found[better] = replace(found[better], begun_from=None, corrected=True, solved_in=1)
+    return found
 
 
-def test_points_far_from_those_that_were_searched_are_checked_and_all_others_if_one_was_wrong() -> None:
+def test_points_far_from_those_that_were_searched_are_checked_and_those_beside_one_that_was_wrong() -> None:
     study = define(PAPER, {RATIO: "60:160:9"})
-    assert sorted(to_search(study, verified(9, [4]), 1)) == [0, 8]
+    assert to_search(study, verified(9, [4]), 1) == [0, 8]
     assert to_search(study, verified(9, [0, 4, 8]), 2) == []
-    assert to_search(study, verified(9, [0, 4, 8], better=8), 2) == [1, 2, 3, 5, 6, 7]
+    assert to_search(study, verified(9, [0, 4, 8], better=8), 2) == [2, 6, 7]  # the nearest two, and another spot
+    assert to_search(study, verified(9, [0, 2, 4, 6, 7, 8], better=8), 3) == []
+    assert to_search(study, verified(9, [0, 4, 8], better=8), 2, last=True) == [1, 2, 3, 5, 6, 7]
     assert to_search(study, verified(9, range(9)), 1) == []  # as with a number of starts of its own
 
 

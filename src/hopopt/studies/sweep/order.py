@@ -43,16 +43,19 @@ def farthest(x: np.ndarray, known: Sequence[int], count: int) -> list[int]:
     return found[len(known) :]
 
 
-def to_search(definition: Definition, finished: Mapping[int, Point], number: int) -> list[int]:
-    """The points that are searched as a single solve is, in a pass after the first: at first some that are far from those
-    that were, as a spot check. If that found better hops, or others that its neighbours led to, all others follow."""
-    possible = [k for k, p in sorted(finished.items()) if p.outcome != IMPOSSIBLE]
-    searched = [place for place, k in enumerate(possible) if finished[k].searched]
-    if number == 1 and searched:
-        spots = farthest(definition.normalized[possible], searched, max(SPOTS, 1 + len(possible) // SEED_FOR))
-        return [possible[place] for place in spots]
-    better = any(p.searched and p.corrected and p.begun_from is None for p in finished.values())
-    return [k for k in possible if not finished[k].searched] if better else []
+def to_search(definition: Definition, finished: Mapping[int, Point], number: int, last: bool = False) -> list[int]:
+    """The points that are searched as a single solve is, in a pass after the first: as a spot check, those that are far from
+    all that were. Where that finds better hops, the points beside them follow, and as many spots; in the ``last`` pass all."""
+    possible = [k for k, p in sorted(finished.items()) if p.solved]
+    left = {k for k in possible if not finished[k].searched}
+    better = [k for k in possible if finished[k].found_by_search and finished[k].solved_in == number - 1 > 0]
+    if last and better:
+        return sorted(left)
+    count = len(better) if number > 1 else max(SPOTS, 1 + len(possible) // SEED_FOR)
+    searched = [place for place, k in enumerate(possible) if k not in left]
+    spots = farthest(definition.normalized[possible], searched, count) if searched else []
+    beside = {g for k in better for g in _next_to(k, possible, definition.spaced)}
+    return sorted(left & {*beside, *(possible[place] for place in spots)})
 
 
 def _attach(k: int, x: np.ndarray, away: np.ndarray, parent: np.ndarray) -> None:

@@ -72,6 +72,11 @@ class Point:
         return self.outcome == VERIFIED
 
     @property
+    def found_by_search(self) -> bool:
+        """Whether a search found a better hop than its neighbours had led to."""
+        return self.searched and self.corrected and self.begun_from is None
+
+    @property
     def has_value(self) -> bool:
         """Whether its objective may be shown, as what it is: verified or preliminary."""
         return self.outcome in (VERIFIED, PRELIMINARY)

@@ -239,7 +239,7 @@ def _further_passes(
     for number in range(1, PASSES + 1):
         if until.passed:
             break
-        search = to_search(definition, finished, number)
+        search = to_search(definition, finished, number, last=number == PASSES)
         jobs, done = {k: [] for k in search} | _reasons(definition, folder, finished), passes.get(number, {})
         waiting = [k for k in jobs if k not in done]
         if waiting:
