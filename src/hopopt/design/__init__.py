@@ -4,7 +4,7 @@ A problem is data. These classes say what a file may contain and nothing about h
 """
 
 from hopopt.design.control import ControlSettings, Reserve
-from hopopt.design.fields import MOST_POINTS
+from hopopt.design.fields import LEAST_EFFICIENCY, MOST_POINTS
 from hopopt.design.geometry.parts import LEAST_INERTIA, MOST_SPRINGS, Body, Link, Spring, SpringTable
 from hopopt.design.hop import GRAVITY, Contact, Environment, HopSettings, Obstacle, StartPose
 from hopopt.design.leg import (
@@ -22,6 +22,6 @@ from hopopt.design.simulation import Simulation, Uncertainty
 from hopopt.design.solver import Solver
 
 __all__ = [
-    "GRAVITY", "LEAST_INERTIA", "MOST_POINTS", "MOST_SPRINGS", "PAPERS_LENGTH", "Body", "Contact", "ControlSettings", "Design", "EfficiencyTable", "Environment", "Gear", "HopSettings", "Joint", "Leg", "Link", "Motor", "Obstacle",
+    "GRAVITY", "LEAST_EFFICIENCY", "LEAST_INERTIA", "MOST_POINTS", "MOST_SPRINGS", "PAPERS_LENGTH", "Body", "Contact", "ControlSettings", "Design", "EfficiencyTable", "Environment", "Gear", "HopSettings", "Joint", "Leg", "Link", "Motor", "Obstacle",
     "Reserve", "Simulation", "Solver", "Spring", "SpringTable", "StartPose", "Uncertainty", "as_changed", "physical_parameters", "refuse_landed", "unit",
 ]  # fmt: skip

@@ -98,7 +98,9 @@ EntryName = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,200}$")]  # in a 
 ModuleName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_.]{0,199}$")]
 Number = Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)]
 Speed = Annotated[float, Field(ge=0, le=6000, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0.05, le=1, allow_inf_nan=False)]
+LEAST_EFFICIENCY = 0.05
+Share = Annotated[float, Field(ge=LEAST_EFFICIENCY, le=1, allow_inf_nan=False)]
+Torque = Annotated[float, Field(ge=0, le=1e4, allow_inf_nan=False)]
 MOST_POINTS = 8  # of a table
 Vector = tuple[Number, Number, Number]
 DOWN, FORWARD = (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)  # a positive turn about FORWARD swings a hanging link to +x

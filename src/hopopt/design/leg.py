@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from copy import copy as copy_of
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, PrivateAttr, create_model, model_serializer, model_validator
@@ -13,12 +14,14 @@ from hopopt.design.fields import (
     CATALOGUE,
     CATALOGUE_NAME,
     FORWARD,
+    LEAST_EFFICIENCY,
     MOST_POINTS,
     RESERVED,
     EntryName,
     Section,
     Share,
     Speed,
+    Torque,
     Vector,
     choice,
     named,
@@ -88,17 +91,41 @@ class Motor(Section):
 
 
 class EfficiencyTable(Section):
-    """Efficiency of a gear by the speed of its motor, straight between points and level before and behind them."""
+    """Efficiency of a gear by the speed of its motor and the torque at its joint, straight between points and level beyond them."""
 
     speed: tuple[Speed, ...] = choice("of the motor, rising", unit="rad/s", min_length=2, max_length=MOST_POINTS)
     efficiency: tuple[Share, ...] = choice(
         "at these speeds, falling or rising throughout", unit="1", min_length=2, max_length=MOST_POINTS
     )
 
+    torque: tuple[Torque, ...] | None = choice(
+        "at the joint, rising: with ``factor``", None, unit="N m", min_length=2, max_length=MOST_POINTS
+    )
+    factor: tuple[Share, ...] | None = choice(
+        "of the efficiency at these torques, at most 1 (default: the torque changes nothing)",
+        None, unit="1", min_length=2, max_length=MOST_POINTS,
+    )  # fmt: skip
+
     def fault(self) -> str:
         """What is wrong with the table, in words that follow its path; empty if nothing is."""
         words = "speeds", "efficiencies", "efficiency for each speed", "speed"
-        return points_fault(self.speed, self.efficiency, *words)
+        return points_fault(self.speed, self.efficiency, *words) or self._factor_fault()
+
+    def _factor_fault(self) -> str:
+        if self.torque is None or self.factor is None:
+            missing = "torque" if self.torque is None else "factor"
+            return "" if self.torque == self.factor else f"has no {missing}: torque and factor go together"
+        if words := points_fault(self.torque, self.factor, "torques", "factors", "factor for each torque"):
+            return words
+        if min(self.factor) * min(self.efficiency) < LEAST_EFFICIENCY:
+            return f"has efficiencies times factors below {LEAST_EFFICIENCY:g}: give larger ones"
+        for (t, f), (more, g) in pairwise(zip(self.torque, self.factor, strict=True)):
+            slope = (g - f) / (more - t)
+            if f <= t * slope:
+                return f"has factors that rise too fast between {t:g} and {more:g} N m: the motor would give less for more at the joint"
+            if g + more * slope <= 0:
+                return f"has factors that fall too fast between {t:g} and {more:g} N m: braking, the motor would take less of more at the joint"
+        return ""
 
 
 class Gear(Section):
@@ -114,7 +141,8 @@ class Gear(Section):
         "1", 0.05, 1, None, physical=True,
     )  # fmt: skip
     efficiency_table: EfficiencyTable | None = choice(
-        "efficiency by the motor's speed, in place of one number: {speed = [...], efficiency = [...]}", None
+        "efficiency by the motor's speed and the joint's torque, in place of one number: {speed = [...], efficiency = [...]}",
+        None,
     )
     friction: float | None = quantity(
         "Coulomb friction, joint side (default: none)", "N m", 0, 1e3, None, physical=True

@@ -8,18 +8,20 @@ tau_out. With an efficiency eta, Coulomb friction tau_c and viscous friction b,
 so that tau_out = eta tau_g where the gear drives, tau_g = eta tau_out where it brakes. At rest it holds whatever lies
 between the two. The program needs smooth functions: s is w / (w^4 + slow^4)^(1/4), |tau| is sqrt(tau^2 + sharp^2). As s goes
 to 0 the gear loses nothing, so that it gives power at no speed. An efficiency by the motor's speed runs straight between the
-points of its table, level before and behind them, its corners rounded (``efficiency_at``). Plain Python on purpose: of numbers, arrays or CasADi
-symbols, and compiled as it is (drivetrain/kernels.py).
+points of its table, level before and behind them, its corners rounded (``efficiency_at``); so does the factor that |tau_out|
+makes of it (``factor_at``). Plain Python on purpose: of numbers, arrays or CasADi symbols, and compiled as it is
+(drivetrain/kernels.py).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Any, Self
 
 import numpy as np
 
-from hopopt.design import EfficiencyTable, Leg
+from hopopt.compiled.kernel import kernel
+from hopopt.design import LEAST_EFFICIENCY, EfficiencyTable, Leg
 from hopopt.drivetrain.motor import motor_torque_and_speed
 
 SLOW = 1e-2  # share of the no-load speed over which losses change their sign: 0.1 rad/s on the paper's leg
@@ -29,8 +31,11 @@ ROUND = (
 )
 ENTRIES = ("efficiency", "friction", "damping")
 LOSSLESS = (1.0, 0.0, 0.0)
+MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative
+MOST_HALVINGS, ROUNDED = 60, 1e-15  # of the torque through a gear whose efficiency depends on it; of its greatest
 NO_LOAD = "no_load_current"
 TABLE = "efficiency_table"
+TABLES = "knots", "bends", "torques", "torque_bends"  # entries of ``Gear`` that a table says
 
 
 def teeth_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> Any:
@@ -65,6 +70,57 @@ def efficiency_at(w: Any, eta: Any, knots: Any, bends: Any, slow: Any) -> Any:
     return eta
 
 
+def factor_at(tau: Any, torques: Any, bends: Any, sharp: Any) -> tuple[Any, Any]:
+    """What a torque tau [N m] at the joint makes of the efficiency, and its slope [1/(N m)].
+
+    1 without torque, with a change of slope by bends [1/(N m)] at every torque of torques [N m], averaged over ``sharp`` [N m].
+    """
+    size = (tau * tau + sharp * sharp) ** 0.5
+    factor, slope = 1.0, 0.0
+    for torque, bend in zip(torques, bends):  # noqa: B905 - compiled too
+        ahead = size - torque
+        root = (ahead * ahead + sharp * sharp) ** 0.5
+        factor = factor + bend * (ahead + root) / 2
+        slope = slope + bend * (1 + ahead / root) / 2 * tau / size
+    return factor, slope
+
+
+factor_of = kernel(factor_at)
+
+
+@kernel
+def passed_by_torque(
+    tau: float, w: float, eta: float, friction: float, damping: float, slow: float, sharp: float,
+    torques: np.ndarray, bends: np.ndarray,
+) -> tuple[float, float]:  # fmt: skip
+    """``passed_torque`` where the efficiency is eta times ``factor_at`` tau_out: Newton's method between bounds, halved where it
+    would leave them."""
+    turning = w / (w**4 + slow**4) ** 0.25
+    y = tau - friction * turning - damping * w
+    most = (abs(y) + sharp) / LEAST_EFFICIENCY
+    out, slope, low, high = y, 1.0, -most, most
+    for _ in range(MOST_HALVINGS):
+        factor, rise = factor_of(out, torques, bends, sharp)
+        up = (eta * factor) ** -turning
+        c1, c2 = (up + 1 / up) / 2, (up - 1 / up) / 2
+        size, steeper = (out * out + sharp * sharp) ** 0.5, -turning * rise / factor
+        missing = c1 * out + c2 * size - y
+        slope = c1 + c2 * out / size + steeper * (c2 * out + c1 * size)
+        if abs(missing) <= ROUNDED * most:
+            break
+        if missing > 0:
+            high = out
+        else:
+            low = out
+        out -= missing / slope
+        if not low < out < high:
+            out = (low + high) / 2
+    return out, 1 / slope
+
+
+each_passed = np.vectorize(passed_by_torque, signature="(),(),(),(),(),(),(),(k),(k)->(),()")
+
+
 @dataclass(frozen=True)
 class Gear:
     """The gears of a leg, each entry a number or an array (n,); of one joint also symbols.
@@ -75,6 +131,7 @@ class Gear:
     sharp: torque [N m] over which driving turns smoothly into braking
     lightest: least inertia [kg m^2] that friction is taken to stop
     knots, bends: joint speeds [rad/s] at which the slope of the efficiency changes, and by how much [s/rad], one each
+    torques, torque_bends: torques at the joint [N m] at which the slope of its factor changes, and by how much [1/(N m)]
     """
 
     efficiency: Any = 1.0
@@ -85,17 +142,21 @@ class Gear:
     lightest: float = 1e-3
     knots: tuple[Any, ...] = ()
     bends: tuple[Any, ...] = ()
+    torques: tuple[Any, ...] = ()
+    torque_bends: tuple[Any, ...] = ()
 
     @property
     def ideal(self) -> bool:
         """Whether nothing is lost."""
-        lost = np.any(self.friction) or np.any(self.damping) or any(np.any(bend) for bend in self.bends)
+        bent = any(np.any(bend) for bend in (*self.bends, *self.torque_bends))
+        lost = np.any(self.friction) or np.any(self.damping) or bent
         return bool(np.all(self.efficiency == 1.0) and not lost)
 
     @property
     def one_sided(self) -> Any:
         """Whether its losses turn round with the speed: not those of viscous friction alone."""
-        return (self.efficiency != 1.0) | (self.friction != 0.0) | sum(bend != 0.0 for bend in self.bends)
+        bent = sum(bend != 0.0 for bend in (*self.bends, *self.torque_bends))
+        return (self.efficiency != 1.0) | (self.friction != 0.0) | bent
 
     @property
     def entries(self) -> tuple[Any, ...]:
@@ -103,15 +164,42 @@ class Gear:
         return self.efficiency, self.friction, self.damping, self.slow, self.sharp
 
     @property
-    def level(self) -> "Gear":
-        """The gear with its best efficiency at every speed."""
-        behind = self.efficiency - sum(b * x for x, b in zip(self.knots, self.bends, strict=True))
-        return replace(self, efficiency=np.maximum(self.efficiency, behind), knots=(), bends=()) if self.knots else self
+    def tabled(self) -> bool:
+        """Whether its efficiency is no one number."""
+        return bool(self.knots)
 
-    def law(self, w: Any) -> tuple[Any, ...]:
-        """What ``teeth_torque`` and ``passed_torque`` take after torque and speed, at joint speed w [rad/s]."""
+    @property
+    def level(self) -> "Gear":
+        """The gear with its best efficiency at every speed and torque."""
+        behind = self.efficiency - sum(b * x for x, b in zip(self.knots, self.bends, strict=True))
+        corners = list(zip(self.torques, self.torque_bends, strict=True))
+        factors = [1.0, *(1.0 + sum(b * max(t - x, 0.0) for x, b in corners) for t in self.torques)]
+        return self.of_one(np.maximum(self.efficiency, behind) * max(factors))
+
+    def of_one(self, efficiency: Any) -> "Gear":
+        """The gear with one efficiency at every speed and torque."""
+        return replace(self, efficiency=efficiency, knots=(), bends=(), torques=(), torque_bends=())
+
+    def law(self, w: Any, out: Any = None) -> tuple[Any, ...]:
+        """What ``teeth_torque`` takes after torque and speed, at joint speed w [rad/s] and torque out [N m] at the joint.
+
+        Without ``out`` what ``passed_torque`` takes: the efficiency without its factor of the torque."""
         eta, *others = self.entries
-        return efficiency_at(w, eta, self.knots, self.bends, self.slow) if self.knots else eta, *others
+        if self.knots:
+            eta = efficiency_at(w, eta, self.knots, self.bends, self.slow)
+        if out is not None and self.torques:
+            eta = eta * factor_at(out, self.torques, self.torque_bends, self.sharp)[0]
+        return eta, *others
+
+    def needed(self, out: Any, w: Any) -> Any:
+        """tau_g [N m] for a torque out [N m] at the joint, at joint speed w [rad/s]."""
+        return teeth_torque(out, w, *self.law(w, out))
+
+    def passed(self, tau: Any, w: Any) -> tuple[Any, Any]:
+        """tau_out [N m] for a torque tau [N m] at the teeth, at joint speed w [rad/s], and its slope: the inverse of ``needed``."""
+        if not self.torques:
+            return passed_torque(tau, w, *self.law(w))
+        return each_passed(tau, w, *self.law(w), np.array(self.torques).T, np.array(self.torque_bends).T)
 
     @classmethod
     def of(cls, leg: Leg, joint: str, p: Mapping[str, Any]) -> Self:
@@ -124,7 +212,7 @@ class Gear:
         ratio, (torque, speed) = entry("gear", "ratio"), motor_torque_and_speed(leg, joint, p)
         own["friction"] += motor_friction(leg, joint, p)
         if (table := efficiency_table(leg, joint)) is not None:
-            own |= {"efficiency": table.efficiency[0], **_broken_line(table, ratio)}
+            own |= _tabled(table, ratio)
         slow, sharp = SLOW * speed / ratio, SHARP * ratio * torque
         return cls(**own, slow=slow, sharp=sharp)
 
@@ -141,9 +229,11 @@ def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
     """The gears of all joints as the problem plans with them, entries (n,); p: numbers by their paths."""
     each = [Gear.of(leg, joint, p) for joint in leg.joints]
     efficiency, friction, damping, slow, sharp = np.array([gear.entries for gear in each], dtype=float).T
-    knots, bends = (tuple(np.array(x) for x in zip_longest(*one, fillvalue=0.0)) for one in
-                    ([gear.knots for gear in each], [gear.bends for gear in each]))  # fmt: skip
-    return Gear(efficiency, friction, damping, slow, sharp, knots=knots, bends=bends)
+    tables = {
+        name: tuple(map(np.array, zip_longest(*(getattr(gear, name) for gear in each), fillvalue=0.0)))
+        for name in TABLES
+    }
+    return Gear(efficiency, friction, damping, slow, sharp, **tables)
 
 
 def efficiency_table(leg: Leg, joint: str) -> EfficiencyTable | None:
@@ -153,11 +243,19 @@ def efficiency_table(leg: Leg, joint: str) -> EfficiencyTable | None:
     return None if shared and own else table
 
 
-def _broken_line(table: EfficiencyTable, ratio: Any) -> dict[str, Any]:
-    """Knots and bends of ``Gear``, behind a gear of this ratio."""
-    slopes = np.diff(table.efficiency) / np.diff(table.speed)
-    bends = np.diff(slopes, prepend=0.0, append=0.0)
-    return {"knots": tuple(x / ratio for x in table.speed), "bends": tuple(ratio * b for b in bends.tolist())}
+def _tabled(table: EfficiencyTable, ratio: Any) -> dict[str, Any]:
+    """The entries of ``Gear`` that a table says, behind a gear of this ratio."""
+    bends, first = _bends(table.speed, table.efficiency), 1.0
+    found = {"knots": tuple(x / ratio for x in table.speed), "bends": tuple(ratio * b for b in bends)}
+    if table.torque and table.factor:
+        first = table.factor[0]
+        found |= {"torques": table.torque, "torque_bends": tuple(b / first for b in _bends(table.torque, table.factor))}
+    return found | {"efficiency": first * table.efficiency[0], "bends": tuple(first * b for b in found["bends"])}
+
+
+def _bends(at: Sequence[float], of: Sequence[float]) -> list[float]:
+    """How much the slope of the line through points changes at each, level before and behind them."""
+    return np.diff(np.diff(of) / np.diff(at), prepend=0.0, append=0.0).tolist()
 
 
 def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:
@@ -187,12 +285,12 @@ def any_lossy(leg: Leg) -> bool:
 def motor_torque(gear: Gear, tau: Any, w: Any, a: Any, rotor: Any) -> Any:
     """tau_m [N m] for the torque tau = A a + tau_out [N m] on a joint and its rotor, at speed w [rad/s] and acceleration
     a [rad/s^2]; rotor: A, reflected inertia of what spins in front of the gear [kg m^2]."""
-    return rotor * a + teeth_torque(tau - rotor * a, w, *gear.law(w))
+    return rotor * a + gear.needed(tau - rotor * a, w)
 
 
 def joint_torque(gear: Gear, motor: Any, w: Any, a: Any, rotor: Any) -> Any:
     """tau [N m] for the motor's torque, the inverse of ``motor_torque``; arguments as there."""
-    return rotor * a + passed_torque(motor - rotor * a, w, *gear.law(w))[0]
+    return rotor * a + gear.passed(motor - rotor * a, w)[0]
 
 
 def driven_joints(gear: Gear, motor: np.ndarray, w: np.ndarray, a: np.ndarray, response: np.ndarray, rotor: np.ndarray) -> np.ndarray:  # fmt: skip
@@ -206,7 +304,7 @@ def driven_joints(gear: Gear, motor: np.ndarray, w: np.ndarray, a: np.ndarray, r
     tau, unit = np.array(motor, dtype=float), np.eye(len(motor))
     for _ in range(MOST_STEPS):
         moved = a + response @ tau
-        passed, slope = passed_torque(motor - rotor * moved, w, *gear.law(w))
+        passed, slope = gear.passed(motor - rotor * moved, w)
         missing = tau - rotor * moved - passed
         if np.abs(missing).max() <= EXACT * (1.0 + np.abs(tau).max()):
             break
@@ -218,6 +316,3 @@ def response_to(accelerate: Callable[[np.ndarray], np.ndarray], n: int) -> tuple
     """Accelerations of n joints without torques (n) and by a unit of each (n, n), of an affine function of the torques."""
     still = accelerate(np.zeros(n))
     return still, np.array([accelerate(unit) - still for unit in np.eye(n)]).T
-
-
-MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative

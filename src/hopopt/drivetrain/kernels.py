@@ -19,6 +19,7 @@ MOST_PARTS = 64  # of a step where gears rub
 within, capped = kernel(half_planes.within), kernel(half_planes.capped)
 passed_torque, share_at = kernel(gear.passed_torque), kernel(supply.share_at)
 efficiency_at, spring_torque = kernel(gear.efficiency_at), kernel(springs.torque_at)
+factor_of, passed_by_torque = gear.factor_of, gear.passed_by_torque
 
 
 @kernel
@@ -83,11 +84,14 @@ def driven_by(drives: Any, w: np.ndarray, command: np.ndarray) -> np.ndarray:
 
 @kernel
 def passed(drive: Any, k: int, torque: float, w: float) -> tuple[float, float]:
-    """``gear.passed_torque`` of joint k: what of a torque [N m] at the teeth the leg feels at speed w [rad/s]; its slope."""
+    """``Gear.passed`` of joint k: what of a torque [N m] at the teeth the leg feels at speed w [rad/s]; its slope."""
     eta = drive.efficiency[k]
-    if drive.tabled:
+    if drive.by_speed:
         eta = efficiency_at(w, eta, drive.knots[k], drive.bends[k], drive.slow[k])
-    return passed_torque(torque, w, eta, drive.friction[k], drive.damping[k], drive.slow[k], drive.sharp[k])
+    friction, damping, slow, sharp = drive.friction[k], drive.damping[k], drive.slow[k], drive.sharp[k]
+    if drive.by_torque:
+        return passed_by_torque(torque, w, eta, friction, damping, slow, sharp, drive.torques[k], drive.torque_bends[k])
+    return passed_torque(torque, w, eta, friction, damping, slow, sharp)
 
 
 @kernel
@@ -154,7 +158,10 @@ def rubbing_parts(drive: Any, motor: np.ndarray, armature: np.ndarray, h: float)
     """
     parts = 1
     for k in range(len(motor)):
-        rubbing = (1 - drive.efficiency[k]) * abs(motor[k]) + drive.friction[k]
+        eta = drive.efficiency[k]
+        if drive.by_torque:
+            eta *= factor_of(motor[k], drive.torques[k], drive.torque_bends[k], drive.sharp[k])[0]
+        rubbing = (1 - eta) * abs(motor[k]) + drive.friction[k]
         rate = rubbing / drive.slow[k] / max(armature[k], drive.lightest)
         parts = max(parts, min(MOST_PARTS, int(np.ceil(h * rate / STIFF))))
     return parts

@@ -144,7 +144,7 @@ class Tables:
             raise UsageError(
                 "the tracker in C knows drives that turn as their joints do: leave out the joints' transmissions"
             )
-        if tracker.drive.gear.knots:
+        if tracker.drive.gear.tabled:
             raise UsageError(
                 "the tracker in C knows one efficiency for each gear: give leg.gear.efficiency, not its table"
             )

@@ -1,7 +1,7 @@
 """Do drives obey their laws? The torques that gears ask of motors by NumPy, drives' own states integrated by SciPy."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self
 
@@ -19,7 +19,6 @@ from hopopt.drivetrain.gear import (
     gears_of,
     motor_torque,
     response_to,
-    teeth_torque,
 )
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion, torque_lines, within
 from hopopt.drivetrain.operating_region.region import operating_region
@@ -196,8 +195,8 @@ def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
         for table in tables.values():
             w, w_rate, tau = (each[..., k] for each in at_drives(robot, table))
             motor = table.asked[..., k]
-            out, rubbing = tau - rotors(robot)[k] * w_rate, replace(gear, efficiency=1.0, knots=(), bends=())
-            friction = (teeth_torque(out, w, *rubbing.law(w)) - out) * w
+            out, rubbing = tau - rotors(robot)[k] * w_rate, gear.of_one(1.0)
+            friction = (rubbing.needed(out, w) - out) * w
             rates = ((motor - tau) * w - friction, friction, heat * motor**2)
             total += [over_time(table, rate) for rate in rates]
         found[joint] = JointLosses(float(total[0]), float(total[1]), float(total[2]) if known else None)

@@ -79,7 +79,7 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
             lost, table = spread.gear_loss * more.uniform(), efficiency_table(design.leg, name)
             worse: dict[str, Any] = {"efficiency": kept * (1 - lost)}
             if table is not None:
-                worse = {TABLE: {"speed": table.speed, "efficiency": tuple(x * (1 - lost) for x in table.efficiency)}}
+                worse = {TABLE: table.model_dump() | {"efficiency": tuple(x * (1 - lost) for x in table.efficiency)}}
             if lost:
                 data["leg"][name].setdefault("gear", {}).update(worse)
         found.append(Draw(_true_leg(data), gain, start))
