@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Sequence
 from copy import copy as copy_of
-from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, PrivateAttr, create_model, model_serializer, model_validator
@@ -119,12 +118,6 @@ class EfficiencyTable(Section):
             return words
         if min(self.factor) * min(self.efficiency) < LEAST_EFFICIENCY:
             return f"has efficiencies times factors below {LEAST_EFFICIENCY:g}: give larger ones"
-        for (t, f), (more, g) in pairwise(zip(self.torque, self.factor, strict=True)):
-            slope = (g - f) / (more - t)
-            if f <= t * slope:
-                return f"has factors that rise too fast between {t:g} and {more:g} N m: the motor would give less for more at the joint"
-            if g + more * slope <= 0:
-                return f"has factors that fall too fast between {t:g} and {more:g} N m: braking, the motor would take less of more at the joint"
         return ""
 
 

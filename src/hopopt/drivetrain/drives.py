@@ -9,7 +9,7 @@ from hopopt.compiled.kernel import argument, packed
 from hopopt.design import MOST_POINTS, Leg
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.dynamics import AddedStates
-from hopopt.drivetrain.gear import ENTRIES, TABLES, Gear, driven_joints, joint_torque, motor_torque, response_to
+from hopopt.drivetrain.gear import ENTRIES, PIECE, Gear, driven_joints, joint_torque, motor_torque, response_to
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED, OperatingRegion, filled_up, torque_lines
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import stiff, supply_numbers
@@ -56,8 +56,10 @@ class Drive:
             },
             "lightest": float(gear.lightest),
             "by_speed": int(bool(gear.knots)),
-            "by_torque": int(bool(gear.torques)),
-            **{name: _of_joints(getattr(gear, name), n) for name in TABLES},
+            "knots": _of_joints(gear.knots, n),
+            "bends": _of_joints(gear.bends, n),
+            "by_torque": int(bool(gear.factor)),
+            "factor": np.stack([_of_joints([piece[i] for piece in gear.factor], n) for i in range(PIECE)], axis=-1),
             "lossless": int(gear.ideal),
             "power": np.array([np.inf if r.power is None else float(r.power) for r in regions]),
             **feeds,

@@ -8,17 +8,18 @@ tau_out. With an efficiency eta, Coulomb friction tau_c and viscous friction b,
 so that tau_out = eta tau_g where the gear drives, tau_g = eta tau_out where it brakes. At rest it holds whatever lies
 between the two. The program needs smooth functions: s is w / (w^4 + slow^4)^(1/4), |tau| is sqrt(tau^2 + sharp^2). As s goes
 to 0 the gear loses nothing, so that it gives power at no speed. An efficiency by the motor's speed runs straight between the
-points of its table, level before and behind them, its corners rounded (``efficiency_at``); so does the factor that |tau_out|
-makes of it (``factor_at``). Plain Python on purpose: of numbers, arrays or CasADi symbols, and compiled as it is
+points of its table, level before and behind them, its corners rounded (``efficiency_at``). The factor that |tau_out| makes of it
+is a monotone cubic spline through its points (``factor_at``). Plain Python on purpose: of numbers, arrays or CasADi symbols, and compiled as it is
 (drivetrain/kernels.py).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Any, Self
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from hopopt.compiled.kernel import kernel
 from hopopt.design import LEAST_EFFICIENCY, EfficiencyTable, Leg
@@ -33,9 +34,9 @@ ENTRIES = ("efficiency", "friction", "damping")
 LOSSLESS = (1.0, 0.0, 0.0)
 MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative
 MOST_HALVINGS, ROUNDED = 60, 1e-15  # of the torque through a gear whose efficiency depends on it; of its greatest
+PIECE = 5  # numbers of a piece of the curve that a torque makes of an efficiency
 NO_LOAD = "no_load_current"
 TABLE = "efficiency_table"
-TABLES = "knots", "bends", "torques", "torque_bends"  # entries of ``Gear`` that a table says
 
 
 def teeth_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> Any:
@@ -70,18 +71,19 @@ def efficiency_at(w: Any, eta: Any, knots: Any, bends: Any, slow: Any) -> Any:
     return eta
 
 
-def factor_at(tau: Any, torques: Any, bends: Any, sharp: Any) -> tuple[Any, Any]:
-    """What a torque tau [N m] at the joint makes of the efficiency, and its slope [1/(N m)].
+def factor_at(tau: Any, pieces: Any, sharp: Any) -> tuple[Any, Any]:
+    """What a torque tau [N m] at the joint makes of the efficiency, 1 without any, and its slope [1/(N m)].
 
-    1 without torque, with a change of slope by bends [1/(N m)] at every torque of torques [N m], averaged over ``sharp`` [N m].
+    pieces: of the curve, each the torque at which it begins, how far it goes [N m], and what it adds by its powers 1 to 3
     """
     size = (tau * tau + sharp * sharp) ** 0.5
     factor, slope = 1.0, 0.0
-    for torque, bend in zip(torques, bends):  # noqa: B905 - compiled too
-        ahead = size - torque
-        root = (ahead * ahead + sharp * sharp) ** 0.5
-        factor = factor + bend * (ahead + root) / 2
-        slope = slope + bend * (1 + ahead / root) / 2 * tau / size
+    for piece in pieces:
+        ahead, span = size - piece[0], piece[1]
+        x = (abs(ahead) - abs(ahead - span) + span) / 2
+        factor = factor + x * (piece[2] + x * (piece[3] + x * piece[4]))
+        inside = (ahead > 0) * (ahead < span)
+        slope = slope + inside * (piece[2] + x * (2 * piece[3] + 3 * x * piece[4])) * tau / size
     return factor, slope
 
 
@@ -91,7 +93,7 @@ factor_of = kernel(factor_at)
 @kernel
 def passed_by_torque(
     tau: float, w: float, eta: float, friction: float, damping: float, slow: float, sharp: float,
-    torques: np.ndarray, bends: np.ndarray,
+    pieces: np.ndarray,
 ) -> tuple[float, float]:  # fmt: skip
     """``passed_torque`` where the efficiency is eta times ``factor_at`` tau_out: Newton's method between bounds, halved where it
     would leave them."""
@@ -100,7 +102,7 @@ def passed_by_torque(
     most = (abs(y) + sharp) / LEAST_EFFICIENCY
     out, slope, low, high = y, 1.0, -most, most
     for _ in range(MOST_HALVINGS):
-        factor, rise = factor_of(out, torques, bends, sharp)
+        factor, rise = factor_of(out, pieces, sharp)
         up = (eta * factor) ** -turning
         c1, c2 = (up + 1 / up) / 2, (up - 1 / up) / 2
         size, steeper = (out * out + sharp * sharp) ** 0.5, -turning * rise / factor
@@ -118,7 +120,16 @@ def passed_by_torque(
     return out, 1 / slope
 
 
-each_passed = np.vectorize(passed_by_torque, signature="(),(),(),(),(),(),(),(k),(k)->(),()")
+@kernel
+def each_passed(
+    tau: np.ndarray, w: np.ndarray, eta: np.ndarray, friction: np.ndarray, damping: np.ndarray, slow: np.ndarray,
+    sharp: np.ndarray, pieces: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """``passed_by_torque`` of every joint, (n) each; pieces (n, k, 5)."""
+    out, slope = np.empty(len(tau)), np.empty(len(tau))
+    for i in range(len(tau)):
+        out[i], slope[i] = passed_by_torque(tau[i], w[i], eta[i], friction[i], damping[i], slow[i], sharp[i], pieces[i])
+    return out, slope
 
 
 @dataclass(frozen=True)
@@ -131,7 +142,7 @@ class Gear:
     sharp: torque [N m] over which driving turns smoothly into braking
     lightest: least inertia [kg m^2] that friction is taken to stop
     knots, bends: joint speeds [rad/s] at which the slope of the efficiency changes, and by how much [s/rad], one each
-    torques, torque_bends: torques at the joint [N m] at which the slope of its factor changes, and by how much [1/(N m)]
+    factor: pieces of what the torque at the joint makes of the efficiency, as of ``factor_at``
     """
 
     efficiency: Any = 1.0
@@ -142,20 +153,19 @@ class Gear:
     lightest: float = 1e-3
     knots: tuple[Any, ...] = ()
     bends: tuple[Any, ...] = ()
-    torques: tuple[Any, ...] = ()
-    torque_bends: tuple[Any, ...] = ()
+    factor: tuple[Any, ...] = ()
 
     @property
     def ideal(self) -> bool:
         """Whether nothing is lost."""
-        bent = any(np.any(bend) for bend in (*self.bends, *self.torque_bends))
+        bent = any(map(np.any, (*self.bends, *self.factor)))
         lost = np.any(self.friction) or np.any(self.damping) or bent
         return bool(np.all(self.efficiency == 1.0) and not lost)
 
     @property
     def one_sided(self) -> Any:
         """Whether its losses turn round with the speed: not those of viscous friction alone."""
-        bent = sum(bend != 0.0 for bend in (*self.bends, *self.torque_bends))
+        bent = sum(bend != 0.0 for bend in (*self.bends, *(piece[1] for piece in self.factor)))
         return (self.efficiency != 1.0) | (self.friction != 0.0) | bent
 
     @property
@@ -172,13 +182,12 @@ class Gear:
     def level(self) -> "Gear":
         """The gear with its best efficiency at every speed and torque."""
         behind = self.efficiency - sum(b * x for x, b in zip(self.knots, self.bends, strict=True))
-        corners = list(zip(self.torques, self.torque_bends, strict=True))
-        factors = [1.0, *(1.0 + sum(b * max(t - x, 0.0) for x, b in corners) for t in self.torques)]
-        return self.of_one(np.maximum(self.efficiency, behind) * max(factors))
+        ends = [1.0, *(factor_at(start + span, self.factor, 0.0)[0] for start, span, *_ in self.factor)]
+        return self.of_one(np.maximum(self.efficiency, behind) * max(ends))
 
     def of_one(self, efficiency: Any) -> "Gear":
         """The gear with one efficiency at every speed and torque."""
-        return replace(self, efficiency=efficiency, knots=(), bends=(), torques=(), torque_bends=())
+        return replace(self, efficiency=efficiency, knots=(), bends=(), factor=())
 
     def law(self, w: Any, out: Any = None) -> tuple[Any, ...]:
         """What ``teeth_torque`` takes after torque and speed, at joint speed w [rad/s] and torque out [N m] at the joint.
@@ -187,8 +196,8 @@ class Gear:
         eta, *others = self.entries
         if self.knots:
             eta = efficiency_at(w, eta, self.knots, self.bends, self.slow)
-        if out is not None and self.torques:
-            eta = eta * factor_at(out, self.torques, self.torque_bends, self.sharp)[0]
+        if out is not None and self.factor:
+            eta = eta * factor_at(out, self.factor, self.sharp)[0]
         return eta, *others
 
     def needed(self, out: Any, w: Any) -> Any:
@@ -196,10 +205,12 @@ class Gear:
         return teeth_torque(out, w, *self.law(w, out))
 
     def passed(self, tau: Any, w: Any) -> tuple[Any, Any]:
-        """tau_out [N m] for a torque tau [N m] at the teeth, at joint speed w [rad/s], and its slope: the inverse of ``needed``."""
-        if not self.torques:
+        """tau_out [N m] for a torque tau [N m] at the teeth, at joint speed w [rad/s], and its slope: the inverse of ``needed``.
+
+        With a factor by torque of numbers of all joints (n) alone."""
+        if not self.factor:
             return passed_torque(tau, w, *self.law(w))
-        return each_passed(tau, w, *self.law(w), np.array(self.torques).T, np.array(self.torque_bends).T)
+        return each_passed(tau, w, *self.law(w), np.moveaxis(np.array(self.factor), -1, 0))
 
     @classmethod
     def of(cls, leg: Leg, joint: str, p: Mapping[str, Any]) -> Self:
@@ -229,11 +240,10 @@ def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
     """The gears of all joints as the problem plans with them, entries (n,); p: numbers by their paths."""
     each = [Gear.of(leg, joint, p) for joint in leg.joints]
     efficiency, friction, damping, slow, sharp = np.array([gear.entries for gear in each], dtype=float).T
-    tables = {
-        name: tuple(map(np.array, zip_longest(*(getattr(gear, name) for gear in each), fillvalue=0.0)))
-        for name in TABLES
-    }
-    return Gear(efficiency, friction, damping, slow, sharp, **tables)
+    knots, bends = (tuple(np.array(x) for x in zip_longest(*one, fillvalue=0.0)) for one in
+                    ([gear.knots for gear in each], [gear.bends for gear in each]))  # fmt: skip
+    factor = tuple(np.array(x).T for x in zip_longest(*(gear.factor for gear in each), fillvalue=(0.0,) * PIECE))
+    return Gear(efficiency, friction, damping, slow, sharp, knots=knots, bends=bends, factor=factor)
 
 
 def efficiency_table(leg: Leg, joint: str) -> EfficiencyTable | None:
@@ -243,19 +253,32 @@ def efficiency_table(leg: Leg, joint: str) -> EfficiencyTable | None:
     return None if shared and own else table
 
 
+def factor_curve(table: EfficiencyTable) -> CubicHermiteSpline | None:
+    """Its factor by the torque at the joint [N m]: a monotone cubic spline, level at both ends; None where it has none."""
+    if table.torque is None or table.factor is None:
+        return None
+    slopes = PchipInterpolator(table.torque, table.factor).derivative()(table.torque)
+    slopes[[0, -1]] = 0.0  # level beyond, without a corner
+    return CubicHermiteSpline(table.torque, table.factor, slopes)
+
+
 def _tabled(table: EfficiencyTable, ratio: Any) -> dict[str, Any]:
     """The entries of ``Gear`` that a table says, behind a gear of this ratio."""
-    bends, first = _bends(table.speed, table.efficiency), 1.0
-    found = {"knots": tuple(x / ratio for x in table.speed), "bends": tuple(ratio * b for b in bends)}
-    if table.torque and table.factor:
-        first = table.factor[0]
-        found |= {"torques": table.torque, "torque_bends": tuple(b / first for b in _bends(table.torque, table.factor))}
-    return found | {"efficiency": first * table.efficiency[0], "bends": tuple(first * b for b in found["bends"])}
+    slopes = np.diff(table.efficiency) / np.diff(table.speed)
+    bends, curve = np.diff(slopes, prepend=0.0, append=0.0), factor_curve(table)
+    first = 1.0 if table.factor is None else table.factor[0]
+    return {
+        "efficiency": first * table.efficiency[0],
+        "knots": tuple(x / ratio for x in table.speed),
+        "bends": tuple(first * ratio * b for b in bends.tolist()),
+        "factor": () if curve is None else _pieces(curve),
+    }
 
 
-def _bends(at: Sequence[float], of: Sequence[float]) -> list[float]:
-    """How much the slope of the line through points changes at each, level before and behind them."""
-    return np.diff(np.diff(of) / np.diff(at), prepend=0.0, append=0.0).tolist()
+def _pieces(curve: CubicHermiteSpline) -> tuple[tuple[float, ...], ...]:
+    """The pieces of ``factor_at`` of a curve, over its first value."""
+    powers = curve.c[-2::-1] / curve.c[-1, 0]
+    return tuple(map(tuple, np.vstack([curve.x[:-1], np.diff(curve.x), powers]).T.tolist()))
 
 
 def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:

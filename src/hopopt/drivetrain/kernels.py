@@ -90,7 +90,7 @@ def passed(drive: Any, k: int, torque: float, w: float) -> tuple[float, float]:
         eta = efficiency_at(w, eta, drive.knots[k], drive.bends[k], drive.slow[k])
     friction, damping, slow, sharp = drive.friction[k], drive.damping[k], drive.slow[k], drive.sharp[k]
     if drive.by_torque:
-        return passed_by_torque(torque, w, eta, friction, damping, slow, sharp, drive.torques[k], drive.torque_bends[k])
+        return passed_by_torque(torque, w, eta, friction, damping, slow, sharp, drive.factor[k])
     return passed_torque(torque, w, eta, friction, damping, slow, sharp)
 
 
@@ -160,7 +160,7 @@ def rubbing_parts(drive: Any, motor: np.ndarray, armature: np.ndarray, h: float)
     for k in range(len(motor)):
         eta = drive.efficiency[k]
         if drive.by_torque:
-            eta *= factor_of(motor[k], drive.torques[k], drive.torque_bends[k], drive.sharp[k])[0]
+            eta *= factor_of(motor[k], drive.factor[k], drive.sharp[k])[0]
         rubbing = (1 - eta) * abs(motor[k]) + drive.friction[k]
         rate = rubbing / drive.slow[k] / max(armature[k], drive.lightest)
         parts = max(parts, min(MOST_PARTS, int(np.ceil(h * rate / STIFF))))

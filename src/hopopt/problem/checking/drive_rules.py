@@ -6,15 +6,15 @@ from itertools import product
 
 import numpy as np
 
-from hopopt.design import Leg, Simulation, physical_parameters
+from hopopt.design import EfficiencyTable, Leg, Simulation, physical_parameters
 from hopopt.design.leg import Supply
-from hopopt.drivetrain.gear import TABLE, efficiency_table
+from hopopt.drivetrain.gear import TABLE, efficiency_table, factor_curve
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking, reflected_inertia
 from hopopt.drivetrain.operating_region.limits import Entry
 from hopopt.drivetrain.springs import joints_of, rounding
 from hopopt.drivetrain.supply import WINDING
-from hopopt.drivetrain.transmission import LAWS, couplings, in_range, ratios
+from hopopt.drivetrain.transmission import LAWS, SAMPLES, couplings, in_range, ratios
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.render import shown
@@ -218,5 +218,17 @@ def _table_rules(leg: Leg, report: Report) -> None:
         table = None if gear is None else gear.efficiency_table
         if gear is not None and table is not None and gear.efficiency is not None:
             report.add(f"{path}.{TABLE}", "stands beside efficiency: each says what the gear passes on, remove one")
-        elif table is not None and (words := table.fault()):
+        elif table is not None and (words := table.fault() or _factor_fault(table)):
             report.add(f"{path}.{TABLE}", words)
+
+
+def _factor_fault(table: EfficiencyTable) -> str:
+    """Where a larger torque at the joint would go with a smaller one at the teeth; empty if nowhere."""
+    if (curve := factor_curve(table)) is None:
+        return ""
+    at = np.linspace(*curve.x[[0, -1]], SAMPLES)
+    for steeper, words in ((curve(at) - at * curve(at, 1), "rise"), (curve(at) + at * curve(at, 1), "fall")):
+        if (wrong := steeper <= 0).any():
+            less = f"at {at[wrong][0]:.3g} N m, so that more at the joint would go with less at the motor"
+            return f"has factors that {words} too fast {less}: set the torques further apart, or the factors nearer together"
+    return ""
