@@ -11,7 +11,8 @@ from hopopt.comparison.robust.robustness import drawn
 from hopopt.control.setting import gear_of
 from hopopt.design import Uncertainty
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.gear import Gear, gears_of, lossy, teeth_torque
+from hopopt.drivetrain.gear import Gear, gears_of, lossy
+from hopopt.drivetrain.teeth.law import teeth_torque
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.planner.reserve import reserved

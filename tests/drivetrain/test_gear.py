@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hopopt.drivetrain.gear import Gear, driven_joints, joint_torque, motor_torque, passed_torque, teeth_torque
+from hopopt.drivetrain.gear import Gear, driven_joints, joint_torque, motor_torque
+from hopopt.drivetrain.teeth.law import passed_torque, teeth_torque
 
 SHARP: dict[str, Any] = {"slow": 1e-4, "sharp": 1e-6}  # so that closed forms hold to 1e-6
 LOSSES = (st.floats(0.05, 1), st.floats(0, 10), st.floats(0, 5))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Leg, physical_parameters
-from hopopt.drivetrain.gear import Gear, lossy, teeth_torque
+from hopopt.drivetrain.gear import Gear, lossy
 from hopopt.drivetrain.motor import electrical_time, motor_torque_and_speed, reflected_inertia, stall_torque
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
@@ -100,7 +100,7 @@ def series_spring(leg: Leg, joint: str, p: Mapping[str, Any]) -> JointDynamics |
 
     def rates(x: Any, u: Any, w: Any) -> Sequence[Any]:
         tau = torque(x, u, w)
-        load = tau if gear is None else teeth_torque(tau, x[1], *gear.law(x[1]))
+        load = tau if gear is None else gear.needed(tau, x[1])
         return [x[1] - w, (u - load) / inertia]
 
     ratio, (most, fastest) = numbers[leg.drive(joint, "gear", "ratio")[0]], motor_torque_and_speed(leg, joint, numbers)

@@ -8,18 +8,19 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain import gear, springs, supply
+from hopopt.drivetrain import springs, supply
 from hopopt.drivetrain.operating_region import half_planes
 from hopopt.drivetrain.supply import BURNS, STIFF_SUPPLY
+from hopopt.drivetrain.teeth import law
 
 HIGHEST, HALVINGS = 1.5, 48  # bus voltage over what it is without load, where motors feed back; of the search for it
 STIFF = 1.0  # step times the rate at which friction stops a joint; the Runge-Kutta scheme's limit is 2.8
 MOST_PARTS = 64  # of a step where gears rub
 
 within, capped = kernel(half_planes.within), kernel(half_planes.capped)
-passed_torque, share_at = kernel(gear.passed_torque), kernel(supply.share_at)
-efficiency_at, spring_torque = kernel(gear.efficiency_at), kernel(springs.torque_at)
-factor_of, passed_by_torque = gear.factor_of, gear.passed_by_torque
+passed_torque, share_at = kernel(law.passed_torque), kernel(supply.share_at)
+efficiency_at, spring_torque = kernel(law.efficiency_at), kernel(springs.torque_at)
+factor_of, passed_by_torque = law.factor_of, law.passed_by_torque
 
 
 @kernel

@@ -1,9 +1,9 @@
 """Do drives obey their laws? The torques that gears ask of motors by NumPy, drives' own states integrated by SciPy."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -63,11 +63,13 @@ class Drives:
         gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
         if gear is not None and states.sprung:  # their gears are in the law of their states
             behind = np.isin(np.arange(len(robot.joints)), list(states.sprung))
-            own = {
+            own: dict[str, Any] = {
                 name: np.where(behind, ideal, getattr(gear, name))
                 for name, ideal in zip(ENTRIES, LOSSLESS, strict=True)
             }
-            gear = replace(gear, **own, bends=tuple(np.where(behind, 0.0, bend) for bend in gear.bends))
+            for name in ("bends", "factor"):
+                own[name] = tuple(np.where(behind, 0.0, each) for each in getattr(gear, name))
+            gear = replace(gear, **own)
         return cls(clamp, gear, robot.rotors, states, robot.turning)
 
     def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:

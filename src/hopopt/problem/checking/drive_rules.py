@@ -226,7 +226,7 @@ def _factor_fault(table: EfficiencyTable) -> str:
     """Where a larger torque at the joint would go with a smaller one at the teeth; empty if nowhere."""
     if (curve := factor_curve(table)) is None:
         return ""
-    at = np.linspace(*curve.x[[0, -1]], SAMPLES)
+    at = np.linspace(float(curve.x[0]), float(curve.x[-1]), SAMPLES)
     for steeper, words in ((curve(at) - at * curve(at, 1), "rise"), (curve(at) + at * curve(at, 1), "fall")):
         if (wrong := steeper <= 0).any():
             less = f"at {at[wrong][0]:.3g} N m, so that more at the joint would go with less at the motor"
