@@ -16,8 +16,9 @@ from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.files.export import to_mjcf, to_urdf
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.guesses.motion import MovingLeg
-from hopopt.ocp.phases import flight
+from hopopt.ocp.phases import flight, stance
 from hopopt.ocp.problem import Instant, stack, symbols
+from hopopt.planner.motion import PlanEvaluator
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -126,6 +127,20 @@ def by_its_torques(s: Solution, stiffness: float, damping: float) -> float:
             more = {"args": (torque, name == "stance"), "rtol": 1e-9, "atol": 1e-9}
             y = solve_ivp(rates, t[[0, -1]], y, "DOP853", **more).y[:, -1]
     return min(z for name, (_, z) in machine.points(y[:4]).items() if name != "com")
+
+
+def test_states_of_drives_are_found_beside_those_of_heat() -> None:
+    thermal = {
+        "winding_to_housing": 4.6,
+        "housing_to_ambient": 1.8,
+        "winding_time_constant": 30,
+        "housing_time_constant": 1e3,
+    }
+    more = {**thermal, "winding_resistance": 0.9, "torque_constant": 0.04, "winding_limit": 100}
+    design = load("paper", [*SOFT, *(f"leg.motor.{name}={value}" for name, value in more.items())])
+    states = stance(MovingLeg(design)).phase.states
+    assert [v.name for v in states] == ["q", "v", "drive", "rises"]
+    assert PlanEvaluator(design, build_robot(design.leg)).of_drives["stance"].tolist() == [4, 5]
 
 
 @pytest.mark.slow

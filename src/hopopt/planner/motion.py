@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.drivetrain.dynamics import AddedStates, added_states
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import any_lossy
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
@@ -18,11 +18,11 @@ from hopopt.errors import UsageError
 from hopopt.leg.robot import Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
-from hopopt.ocp.drives import motor_torques
+from hopopt.ocp.drives import DRIVE, motor_torques
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE, flight, stance
-from hopopt.ocp.problem import Instant, stack, symbols
+from hopopt.ocp.problem import Instant, split, stack, symbols
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import NORMALISED_TIMES, Table
 
@@ -81,11 +81,14 @@ class Samples:
 
 
 class PlanEvaluator:
-    """Turns states and controls of the phases into the motion of the whole leg, by the planner's own dynamics."""
+    """Turns states and controls of the phases into the motion of the whole leg, by the planner's own dynamics.
+
+    of_drives: places of the drives' own states among those of each phase.
+    """
 
     def __init__(self, design: Design, robot: Robot):
         self.robot, self.names = robot, [*robot.points, "com"]
-        leg, self.functions = MovingLeg(design), {}
+        leg, self.functions, self.of_drives = MovingLeg(design), {}, {}
         for part in (stance(leg), flight(leg)):
             x, u = symbols(part.phase.states), symbols(part.phase.controls)
             s = Instant(**x, **u, t=0.0, p=robot.parameters)
@@ -107,6 +110,9 @@ class PlanEvaluator:
             ]
             given = [stack(x, part.phase.states), stack(u, part.phase.controls)]
             self.functions[part.kind] = ca.Function(part.kind, given, [ca.densify(o) for o in outputs])
+            places = np.arange(given[0].numel())
+            self.of_drives[part.kind] = split(part.phase.states, places).get(DRIVE, places[:0])
+        self.of_drives |= {DESCENT: self.of_drives[FLIGHT], LANDING: self.of_drives[STANCE]}
         self.functions |= {DESCENT: self.functions[FLIGHT], LANDING: self.functions[STANCE]}
 
     def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
@@ -243,13 +249,12 @@ class Motion:
             for s in ("t", "q", "v", "a", "tau", "f", *apart)
         }
         table = Table(**arrays)
-        return self._with_drives(phase, table, added) if added.size else table
+        return self._with_drives(phase, table) if added.size else table
 
-    def _with_drives(self, phase: str, table: Table, added: AddedStates) -> Table:
-        """The table with the drives' states, the last of the phase's."""
+    def _with_drives(self, phase: str, table: Table) -> Table:
+        """The table with the drives' states."""
         _, x, _ = self.phases[phase].everywhere(NORMALISED_TIMES)
-        states = self._evaluate.functions[phase].size1_in(0)
-        return replace(table, drive=x[..., states - added.size : states])
+        return replace(table, drive=x[..., self._evaluate.of_drives[phase]])
 
     @property
     def apex(self) -> Samples:
