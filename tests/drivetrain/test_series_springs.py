@@ -190,3 +190,25 @@ def test_what_a_softer_spring_brings_is_told_before_it_is_tried() -> None:
     told = {i.name: i.per_unit for i in sensitivity(s)}[path]
     again = solved_once((f"{path}=303", SOFT[1]))
     assert (again.clearance - s.clearance) / 3 == pytest.approx(told, rel=0.05)
+
+
+@pytest.mark.rarely
+def test_a_periodic_hop_takes_least_work_where_the_body_swings_once_on_its_spring() -> None:
+    """A softer and a stiffer spring take more; at the best the motor stands still in the middle half of stance, whose time is that of
+    half a swing of a body that rises straight, and what weight and hip add to it."""
+    hop = ("hop.kind=periodic", "hop.touchdown_loss=1", "hop.clearance=0.3", "hop.stance_duration=[0.15, 0.1501]")
+    mesh = ("solver.refine=false", "solver.stance_intervals=16", "solver.flight_intervals=6")
+    pose = ("leg.knee.lower=-1.3", "start.joint_angles=[0.6, -1.2]", f"{SPRING}.damping=1")
+    found = {k: solved_once([*hop, *mesh, *pose, f"{SPRING}.stiffness={k}"], "energy") for k in (150, 400, 800)}
+    work = {k: s.summary.energy_J or np.nan for k, s in found.items()}
+    assert 1.3 * work[400] < min(work[150], work[800])
+    table, machine = found[400].tables["stance"], Machine(found[400].robot)
+    assert table.drive is not None
+    t, turn = table.t.ravel(), table.drive[..., 1].ravel()
+    assert np.abs(turn[np.abs(t - 0.075) < 0.0375]).max() < 0.1  # rad/s; without load it turns at 12.6
+    halves = []
+    for q in table.q[..., BASE:].reshape(-1, 2):
+        terms = machine.stance_terms(q, np.zeros(2))
+        rising = np.array([-terms.jacobian[0, 1] / terms.jacobian[0, 0], 1.0])  # the hip keeps the body over the foot
+        halves.append(np.pi * np.sqrt(rising @ terms.mass_matrix @ rising / 400))
+    assert 0.7 < np.mean(halves) / 0.15 < 1.0
