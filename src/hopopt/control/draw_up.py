@@ -157,6 +157,6 @@ def _places(robot: Robot) -> ca.Function:
     """How high the lowest point is over the centre of mass, the foot ahead of the hip, and the centre of mass over the foot [m], of q."""
     q = ca.SX.sym("q", len(robot.joints))
     points = LegDynamics(robot, robot.parameters).points(ca.vertcat(ca.SX.zeros(BASE), q))
-    over = ca.vertcat(*[points[name][1] - points["com"][1] for name in robot.points])
+    over = ca.vertcat(*[points[name][1] - points["com"][1] for name in robot.point_names])
     beside = points["foot"][0] - points[robot.joints[0]][0]
     return ca.Function("places", [q], [ca.mmin(over), beside, points["com"][1] - points["foot"][1]])

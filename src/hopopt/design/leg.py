@@ -55,13 +55,8 @@ class Motor(Section):
     )
     winding_resistance: float | None = quantity("electrical resistance", "ohm", 1e-4, 1e3, None, physical=True)
     winding_inductance: float | None = quantity(
-        "L: the voltage bears R i + k omega + L di/dt (default: current rises at once)",
-        "H",
-        1e-8,
-        10,
-        None,
-        physical=True,
-    )
+        "L: the voltage bears R i + k omega + L di/dt (default: current rises at once)", "H", 1e-8, 10, None, physical=True,
+    )  # fmt: skip
     torque_constant: float | None = quantity("k: motor torque for each ampere", "N m/A", 1e-4, 100, None, physical=True)
     no_load_current: float | None = quantity(
         "i_0: current that turns the motor alone, whose torque k i_0 its own friction takes",
@@ -288,6 +283,11 @@ class Leg(Section):
     def follows(self) -> bool:
         """Whether the joint of any link follows another one."""
         return any(link.follows is not None for link in self.link.values())
+
+    @property
+    def five_bars(self) -> tuple[str, ...]:
+        """Joints whose drive turns a crank beside the link before them."""
+        return tuple(name for name in self.joints if (t := self.joint[name].transmission) and t.five_bar)
 
     @property
     def has_trunk(self) -> bool:

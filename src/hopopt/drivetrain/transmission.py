@@ -10,6 +10,7 @@ Where every drive turns as its joint does, J is the unit matrix. A law is a func
 derives from it is found by CasADi. Laws of linkages: plane geometry by the law of cosines, as in Norton, Design of Machinery.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +20,7 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
-from hopopt.design import Leg
+from hopopt.design import Leg, unit
 from hopopt.design.drives.transmission import Transmission
 
 Law = Callable[[Transmission, Callable[[str], Any], Any], Any]  # of a joint's table, its parameters, its angle [rad]
@@ -63,10 +64,67 @@ def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
 
 
 SAMPLES = 201  # of a joint's range, where ratios are looked at
+GRID = 61  # of each of two ranges, where those of a five-bar are
 LAWS: dict[str, Law] = {"linear": linear, "rod": rod, "four_bar": four_bar, "table": table}
 # Of a joint's range where compiled plants have a ratio and its slope: a cubic between two is off by 1e-9, by 1e-6 where the
 # curve of a table's ratio jumps.
 PLACES = 513
+
+
+@dataclass(frozen=True)
+class SideLinks:
+    """A five-bar's crank and rod, in the frame of what carries the crank: of the link two before the joint, or of the body.
+
+    pivot, crank_end, arm_end: x and z (2) [m] from that frame's origin. angle: the crank's, forward from the x axis [rad]
+    """
+
+    pivot: tuple[Any, Any]
+    crank_end: tuple[Any, Any]
+    arm_end: tuple[Any, Any]
+    angle: Any
+
+
+def side_links(leg: Leg, joint: str, p: Mapping[str, Any], q: Any) -> SideLinks:
+    """Where the chain of a joint's five-bar closes at joint angles q (n) [rad]: by the law of cosines on the chosen side."""
+    between, k = leg.joint[joint].transmission, leg.joints.index(joint)
+    assert between is not None
+    assert between.five_bar is not None
+    path = f"leg.{joint}.transmission.five_bar"
+    crank, rod, arm, *pivot = (p[f"{path}.{name}"] for name in ("crank", "rod", "arm", "pivot_x", "pivot_z"))
+    first, second = (forward(leg, i) * q[i] for i in (k - 1, k))
+    (along, heading), (_, onward) = (_in_plane(leg, i) for i in (k - 1, k))
+    line = first + heading  # of the link before the joint
+    bend = second + onward + p[f"{path}.turned"] - heading
+    back = _turned(pivot, -line)  # all in a frame along that link: its atan2 has no jump while the arm is shorter
+    x = p[f"leg.{leg.links[k - 1]}.length"] * along + arm * ca.cos(bend) - back[0]
+    z = arm * ca.sin(bend) - back[1]
+    share = (crank**2 + x**2 + z**2 - rod**2) / (2 * crank * ca.sqrt(x**2 + z**2))
+    angle = line + ca.atan2(z, x) + (1 if between.five_bar.ahead else -1) * ca.acos(share)
+    ends = _turned((crank, 0.0), angle), _turned((x, z), line)
+    return SideLinks((pivot[0], pivot[1]), *((pivot[0] + end[0], pivot[1] + end[1]) for end in ends), angle)
+
+
+def forward(leg: Leg, k: int) -> float:
+    """1 where a positive angle of joint ``k`` of a planar leg swings forward, else -1."""
+    return -unit(leg.joint[leg.joints[k]].axis)[1]
+
+
+def heading(leg: Leg, k: int, turned: Any, length: Any) -> tuple[Any, ...]:
+    """A vector of a length [m], turned forward [rad] from the direction of link ``k``, in that link's frame (x, y, z)."""
+    x, z = _turned((length, 0.0), _in_plane(leg, k)[1] + turned)
+    return x, 0.0, z
+
+
+def _in_plane(leg: Leg, k: int) -> tuple[float, float]:
+    """Share of a link's length that lies in the leg's plane, and its angle there, forward from the x axis, all joints at zero."""
+    x, _, z = unit(leg.link[leg.links[k]].direction)
+    return math.hypot(x, z), math.atan2(z, x)
+
+
+def _turned(vector: Any, angle: Any) -> tuple[Any, Any]:
+    """A vector (x, z) turned forward."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
 
 
 def drive_angle(leg: Leg, joint: str, p: Mapping[str, Any], q: Any) -> Any:
@@ -89,6 +147,9 @@ def couplings(leg: Leg, p: Mapping[str, Any]) -> Iterator[tuple[int, int, Any]]:
 def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
     """theta (n) [rad] of the drives behind their gears at joint angles q (n), from parameter values or symbols by their paths."""
     found = [drive_angle(leg, joint, p, q[k]) for k, joint in enumerate(leg.joints)]
+    for joint in leg.five_bars:  # as its joint counts, from where the crank lies along the link behind it
+        k = leg.joints.index(joint)
+        found[k] = forward(leg, k) * (side_links(leg, joint, p, q).angle - _in_plane(leg, k)[1])
     for k, other, ratio in couplings(leg, p):
         found[k] += ratio * q[other]
     return ca.vertcat(*found)
@@ -108,7 +169,22 @@ def largest_ratios(leg: Leg, p: Mapping[str, Any]) -> np.ndarray:
     """Magnitude of each joint's own ratio over its gear's where it is largest in the joint's range, (n,)."""
     if leg.direct:
         return np.ones(len(leg.joints))
-    return np.array([np.abs(ratios(leg, joint, p, in_range(leg, joint))).max() for joint in leg.joints])
+    own = {joint: five_bar_ratios(leg, joint, p)[1][:, 1] for joint in leg.five_bars}
+    found = (own[joint] if joint in own else ratios(leg, joint, p, in_range(leg, joint)) for joint in leg.joints)
+    return np.array([np.abs(each).max() for each in found])
+
+
+def five_bar_ratios(leg: Leg, joint: str, p: Mapping[str, Any], beyond: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Of poses of the joint before and the joint itself (m, 2) [rad] throughout their ranges and ``beyond``: these, and how fast
+    the drive of a five-bar turns with either, over its gear's ratio (m, 2); NaN where the chain cannot close."""
+    k = leg.joints.index(joint)
+    axes = (in_range(leg, name, GRID, beyond) for name in leg.joints[k - 1 : k + 1])
+    poses = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    q = ca.SX.sym("q", len(leg.joints))
+    turns = ca.jacobian(forward(leg, k) * side_links(leg, joint, p, q).angle, q[k - 1 : k + 1])
+    whole = np.zeros((len(leg.joints), len(poses)))
+    whole[k - 1 : k + 1] = poses.T
+    return poses, ca.Function("turns", [q], [ca.densify(turns)]).map(len(poses))(whole).full().reshape(-1, 2)
 
 
 def numbers(leg: Leg, p: Mapping[str, float]) -> dict[str, Any]:

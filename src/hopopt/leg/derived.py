@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from hopopt.design import Design
 from hopopt.drivetrain.motor import reflected_inertia
@@ -67,7 +66,8 @@ def derived(design: Design) -> LegFigures:
     heavy, length = weight(robot.model), reach(design.leg)
     model, q = robot.model, np.concatenate([np.zeros(BASE), angles])
     lifts = foot_jacobian(design.leg, angles)[UP]
-    links = np.diag(pin.crba(model, model.createData(), q))[BASE:] - model.armature[BASE:]
+    rotors = robot.turning.inertia(angles) if robot.turning else np.diag(robot.rotors)
+    links = np.diag(robot.mass_matrix(q)[BASE:, BASE:] - rotors)
     held = robot.forces_at_rest(q)[BASE:] - lifts * heavy
     lifts, held = (robot.drive_torques(q, each) for each in (lifts, held))
     spun = [reflected_inertia(design.leg, name, robot.parameters) for name in robot.joints]

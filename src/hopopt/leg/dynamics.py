@@ -17,6 +17,10 @@ Where the guides do not follow the foot (x on a vertical slider, y where the leg
 closes a loop: as many joints depend on the others, and as many components of the contact force are free, because
 the joints can press against the guides. There the foot is held by accelerations alone, which lets it drift by the
 error of integration: verification says by how much.
+
+Cranks and rods of five-bars (leg/closed_chains.py) weigh as parts of the body. With r the place of one's centre of mass from the
+body and phi its angle, both of q, what it asks as it moves relative to the body is added: m r'' of the body's rows, and of the
+joints' (dr/dq)' m (r'' + a - g) + (d phi/dq)' I phi''.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,9 +30,10 @@ from typing import Any
 import casadi as ca
 
 from hopopt.drivetrain.springs import Springs
-from hopopt.drivetrain.transmission import turned
+from hopopt.drivetrain.transmission import forward, turned
+from hopopt.leg.closed_chains import SideBody, crank_points, side_bodies
 from hopopt.leg.kinematics import PLANE, contact_axes, loop_axes
-from hopopt.leg.rigid_body import com_position, frames, point_position, rnea
+from hopopt.leg.rigid_body import Frames, com_position, frames, point_position, rnea
 from hopopt.leg.robot import BASE, Robot, armatures, link_bodies, link_points
 
 PLANE_ROWS = list(PLANE)
@@ -73,8 +78,36 @@ class LegDynamics:
     def points(self, q: ca.SX) -> dict[str, ca.SX]:
         """World (x, z) [m] of each joint, of the foot and of the centre of mass ("com")."""
         poses = frames(self.robot.model, self.bodies, q)
-        points = {name: point_position(poses, at)[PLANE_ROWS] for name, at in self.link_points.items()}
-        return {**points, "com": com_position(poses, self.bodies)[PLANE_ROWS]}
+        places = self.link_points | crank_points(self.robot.leg, self.p, q[BASE:])
+        points = {name: point_position(poses, at)[PLANE_ROWS] for name, at in places.items()}
+        com = com_position(poses, self.bodies)[PLANE_ROWS]
+        total = sum(body.mass for body in self.bodies)
+        for body in side_bodies(self.robot.leg, self.p, q[BASE:]):
+            com += body.mass * self._from_body(body, poses) / total
+        return {**points, "com": com}
+
+    def _from_body(self, part: SideBody, poses: Frames) -> ca.SX:
+        """Where the centre of mass of a five-bar's link is from the body (x, z) [m], as part of which it weighs in ``bodies``."""
+        return (point_position(poses, (part.carrier, part.centre)) - poses.o[BASE])[PLANE_ROWS]
+
+    def _side_forces(self, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
+        """What cranks and rods ask of all coordinates (BASE + n) as they move relative to the body; arguments as of
+        ``inverse_dynamics``."""
+        q_j, v_j, a_j = q[BASE:], v[BASE:], a[BASE:]
+        poses, found = (
+            frames(self.robot.model, self.bodies, ca.vertcat(ca.SX.zeros(BASE), q_j)),
+            ca.SX.zeros(BASE + self.n),
+        )
+        rises = a[:BASE] - ca.DM(self.robot.model.gravity.linear[PLANE_ROWS])
+        for part in side_bodies(self.robot.leg, self.p, q_j):
+            (x, z), joints = (b - a for a, b in zip(part.start, part.end, strict=True)), range(part.carrier - BASE)
+            turn = ca.atan2(z, x) + sum(forward(self.robot.leg, k) * q_j[k] for k in joints)
+            jacobian = ca.jacobian(ca.vertcat(self._from_body(part, poses), turn), q_j)
+            rate = jacobian @ a_j + ca.jtimes(jacobian @ v_j, q_j, v_j)
+            push = part.mass * rate[:BASE]
+            whole = ca.vertcat(push + part.mass * rises, part.inertia * rate[BASE])
+            found += ca.vertcat(push, jacobian.T @ whole)
+        return found
 
     def foot(self, q_j: ca.SX) -> ca.SX:
         """Place of the foot from the body, (x, y, z) [m]."""
@@ -92,6 +125,8 @@ class LegDynamics:
             drives = turned(self.robot.leg, self.p, q[BASE:], v[BASE:], a[BASE:])
             forces = rnea(self.robot.model, bare, q, v, a)
             joints += drives.jacobian.T @ (rotors * drives.w_rate)
+            if self.robot.leg.five_bars:
+                forces += self._side_forces(q, v, a)
         if self.springs:
             joints -= ca.vertcat(*self.springs.torques(ca.vertsplit(q[BASE:])))
         elif self.robot.leg.direct:

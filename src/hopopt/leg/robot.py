@@ -18,6 +18,7 @@ from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.motor import reflected_inertia
 from hopopt.drivetrain.springs import Springs
 from hopopt.drivetrain.transmission import Turning
+from hopopt.leg.closed_chains import ClosedChains, arm_points, crank_point, side_mass
 from hopopt.leg.geometry.solids import counted_points
 from hopopt.leg.inertia import PAIRS, tensor
 
@@ -71,7 +72,31 @@ class Robot:
 
     def forces_at_rest(self, q: np.ndarray) -> np.ndarray:
         """Generalised forces (BASE + n) [N, N m] that hold the leg still at q (BASE + n), against gravity and its springs."""
+        if self.chains:
+            still = np.zeros(len(q))
+            return self.chains.inverse_dynamics(q, still, still) - self.spring_forces(q)
         return pin.computeGeneralizedGravity(self.model, self.model.createData(), q) - self.spring_forces(q)
+
+    @cached_property
+    def chains(self) -> ClosedChains | None:
+        """The leg with cranks and rods of five-bars, which ``model`` has as parts of the body; None where there are none."""
+        return ClosedChains(self.model, self.leg, self.parameters) if self.leg.five_bars else None
+
+    @property
+    def point_names(self) -> tuple[str, ...]:
+        """Of all points that may be lowest: ``points``, and where cranks of five-bars end."""
+        return *self.points, *map(crank_point, self.leg.five_bars)
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """(BASE + n square) [kg, kg m, kg m^2] at q (BASE + n), with the rotors' inertia."""
+        if self.chains:
+            M = self.chains.mass_matrix(q)
+        else:
+            upper = pin.crba(self.model, self.model.createData(), q)
+            M = np.triu(upper) + np.triu(upper, 1).T
+        if self.turning:
+            M[BASE:, BASE:] += self.turning.inertia(q[BASE:])
+        return M
 
     @cached_property
     def rotors(self) -> np.ndarray:
@@ -102,7 +127,7 @@ class Robot:
 def link_bodies(leg: Leg, p: Mapping[str, Any]) -> list[MovingBody]:
     """One body for each joint (guides x and z, then the chain) from parameter values or symbols ``p``."""
     origin, still = (0.0, 0.0, 0.0), (0.0,) * 6
-    masses = 0.0, p["leg.body.mass"]
+    masses = 0.0, p["leg.body.mass"] + side_mass(leg, p)
     bodies = [MovingBody(origin, m, origin, still, 0.0, at) for m, at in zip(masses, GUIDES, strict=True)]
     above: tuple[Any, ...] = origin
     for at, link in zip(leg.link_joints, leg.links, strict=True):
@@ -140,6 +165,7 @@ def link_points(leg: Leg, p: Mapping[str, Any]) -> dict[str, tuple[int, tuple[An
     }
     last = leg.links[-1]
     points["foot"] = (BASE + len(leg.links), _along(leg, last, p[f"leg.{last}.length"]))
+    points |= arm_points(leg, p)
     return points | {name: (BASE + 1 + joint, place) for name, joint, place in counted_points(leg)}
 
 

@@ -131,13 +131,3 @@ def friction_needed(along: np.ndarray, up: np.ndarray, given: float | None, allo
     steepest = float((along / up).max(initial=0.0))
     kept = given is not None and bool(np.all(along - given * up <= allowed))
     return min(steepest, given) if kept and given is not None else steepest
-
-
-def joint_inertias(model: pin.Model, angles: np.ndarray, more: Any = 0.0) -> np.ndarray:
-    """The inertia (n) [kg m^2] that each joint shows at these joint angles (n) [rad] while all others are free; more (n, n): what
-    the model does not know of it."""
-    q = np.concatenate([np.zeros(model.nq - len(angles)), angles])
-    M = pin.crba(model, model.createData(), q)
-    M = np.triu(M) + np.triu(M, 1).T
-    M[-len(angles) :, -len(angles) :] += more
-    return 1 / np.diag(np.linalg.inv(M))[-len(angles) :]

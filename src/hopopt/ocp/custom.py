@@ -261,7 +261,7 @@ def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
     """The function, tried on symbols of the hop; UsageError if it does not give what it must, or nothing that moves."""
     at_end = is_objective and not c.terms.running
     own = own_numbers(hop.design)
-    trial = symbols(hop.n, tuple(hop.robot.points), at_end, own, forces=hop.contact_axes, rates=hop.no_jumps)
+    trial = symbols(hop.n, hop.robot.point_names, at_end, own, forces=hop.contact_axes, rates=hop.no_jumps)
     value = c(trial, 1 if is_objective else None)
     if not ca.symvar(value):
         raise UsageError(f"{c.name} does not depend on the hop: it returned {np.array(ca.DM(value)).ravel().tolist()}")

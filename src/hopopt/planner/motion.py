@@ -87,7 +87,7 @@ class PlanEvaluator:
     """
 
     def __init__(self, design: Design, robot: Robot):
-        self.robot, self.names = robot, [*robot.points, "com"]
+        self.robot, self.names = robot, [*robot.point_names, "com"]
         leg, self.functions, self.of_drives = MovingLeg(design), {}, {}
         for part in (stance(leg), flight(leg)):
             x, u = symbols(part.phase.states), symbols(part.phase.controls)

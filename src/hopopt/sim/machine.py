@@ -75,7 +75,7 @@ class Machine:
 
     def __init__(self, robot: Robot):
         self.robot, self.model, self.data, self.n = robot, robot.model, robot.model.createData(), len(robot.joints)
-        self.leg, self.turning = robot.leg, robot.turning
+        self.leg, self.turning, self.chains = robot.leg, robot.turning, robot.chains
         self._plain = (
             self.turning is None and not robot.leg.follows
         )  # else Pinocchio's forward dynamics does not know it
@@ -101,15 +101,21 @@ class Machine:
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """(BASE + n square), with the rotors' inertia; Pinocchio fills the upper triangle."""
-        M = pin.crba(self.model, self.data, q)
-        M[self._lower] = M.T[self._lower]
+        if self.chains:
+            M = self.chains.mass_matrix(q)
+        else:
+            M = pin.crba(self.model, self.data, q)
+            M[self._lower] = M.T[self._lower]
         if self.turning:
             M[BASE:, BASE:] += self.turning.inertia(q[BASE:])
         return M
 
     def bias(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Forces (BASE + n) that keep the leg from accelerating: Coriolis, centrifugal, gravity, and of rotors."""
-        forces = pin.nonLinearEffects(self.model, self.data, q, v)
+        if self.chains:
+            forces = self.chains.inverse_dynamics(q, v, self._nothing)
+        else:
+            forces = pin.nonLinearEffects(self.model, self.data, q, v)
         return forces + self._of_rotors(q, v, self._nothing) if self.turning else forces
 
     def _of_rotors(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -138,10 +144,14 @@ class Machine:
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Generalised forces (BASE + n) [N, N m] of drives, guides and ground under which the leg moves so."""
-        forces = pin.rnea(self.model, self.data, q, v, a).copy()
+        dynamics = self.chains.inverse_dynamics if self.chains else self._open_chain
+        forces = dynamics(q, v, a)
         if self.turning:
             forces += self._of_rotors(q, v, a)
         return forces - self.robot.spring_forces(q) if self.robot.springs else forces
+
+    def _open_chain(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        return pin.rnea(self.model, self.data, q, v, a).copy()
 
     def _forces(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Generalised forces (BASE + n) [N, N m] of joint torques (n) [N m] and of the springs."""
@@ -237,20 +247,28 @@ class Machine:
         return {name: path[0] for name, path in {**self.paths(q[None]), "com": self.com_path(q[None])}.items()}
 
     def paths(self, q: np.ndarray) -> dict[str, np.ndarray]:
-        """World x, z [m] of joints and foot, name -> (k, 2), at k poses q (k, BASE + n)."""
+        """World x, z [m] of joints and foot, and of all else of ``Robot.point_names``, name -> (k, 2), at k poses q (k, BASE + n)."""
         positions = np.empty((len(self.frames), len(q), 3))
         for k, row in enumerate(q):
             pin.framesForwardKinematics(self.model, self.data, row)
             for place, frame in zip(positions, self.frames.values(), strict=True):
                 place[k] = self.data.oMf[frame].translation
-        return {name: place[:, [0, 2]] for name, place in zip(self.frames, positions, strict=True)}
+        found = {name: place[:, [0, 2]] for name, place in zip(self.frames, positions, strict=True)}
+        if self.chains:
+            ends = [self.chains.crank_ends(row) for row in q]
+            found |= {name: np.array([end[name] for end in ends]) for name in ends[0]}
+        return found
 
     def com_path(self, q: np.ndarray) -> np.ndarray:
         """World x, z [m] of the centre of mass at k poses q (k, BASE + n), (k, 2)."""
+        if self.chains:
+            return np.array([self.chains.com(row, self._nothing)[0] for row in q])
         return np.array([pin.centerOfMass(self.model, self.data, row) for row in q])[:, [0, 2]]
 
     def com_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """World x', z' [m/s] of the centre of mass."""
+        if self.chains:
+            return self.chains.com(q, v)[1]
         pin.centerOfMass(self.model, self.data, q, v)
         return self.data.vcom[0][[0, 2]].copy()
 
@@ -262,6 +280,8 @@ class Machine:
 
     def _links_energy(self, q: np.ndarray, v: np.ndarray) -> float:
         """Kinetic and potential energy of body and links [J]."""
+        if self.chains:
+            return sum(self.chains.energies(q, v))
         if self.leg.follows:  # which Pinocchio's energies do not know
             self.com_velocity(q, v)
             bodies = zip(self.model.inertias[1:], self.data.v[1:], strict=True)

@@ -75,7 +75,7 @@ class Trace:
     @cached_property
     def lowest(self) -> np.ndarray:
         """Height of the leg's lowest point (k,) [m]."""
-        return np.min([self.points[name][:, 1] for name in self.robot.points], axis=0)
+        return np.min([self.points[name][:, 1] for name in self.robot.point_names], axis=0)
 
     @cached_property
     def w(self) -> np.ndarray:

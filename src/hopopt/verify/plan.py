@@ -117,7 +117,7 @@ def durations(design: Design, tables: Mapping[str, Table]) -> Check:
 def _clearance(machine: Machine, design: Design, flight: Table, claims: Mapping[str, float]) -> Check:
     """Height of the lowest point at the end, by Pinocchio's forward kinematics, against the claim."""
     points = machine.points(flight.q[-1, -1])
-    lowest = min(points[name][1] for name in machine.frames)
+    lowest = min(points[name][1] for name in machine.robot.point_names)
     wrong = [lowest - claims["clearance_m"]]
     if "apex_m" in claims:
         wrong.append(flight.q[-1, -1, 1] - claims["apex_m"])

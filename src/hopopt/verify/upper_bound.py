@@ -11,6 +11,7 @@ from hopopt.design import Design
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
+from hopopt.leg.closed_chains import side_lever
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.record import Real, Strict, stated
@@ -42,6 +43,8 @@ def upper_bound(design: Design) -> UpperBound:
     speeds = np.array([most_speed(region) for region in regions])
     told = robot.leg.direct and not robot.leg.elastic
     height, speed = _stretched(robot, speeds if told else np.zeros(len(speeds)))
+    beside = side_lever(design.leg, robot.parameters) / machine.mass  # of five-bars, which the model has in the body
+    height += beside
     if not told:
         speed = np.inf  # of a joint at any angle, which a speed of its drive does not tell
     downhill = machine.mass * abs(machine.gravity[0]) * (height + abs(float(at["com"][0] - at["foot"][0])))
@@ -49,7 +52,7 @@ def upper_bound(design: Design) -> UpperBound:
     given = design.hop.stance_duration[1] * power + downhill + sprung
     by_energy = np.inf if design.hop.periodic else start + given / weight
     by_speed = height + speed**2 / (2 * -machine.gravity[1])
-    clearance = min(by_energy, by_speed) + _below_com(robot)
+    clearance = min(by_energy, by_speed) + _below_com(robot) + beside
     return UpperBound(*map(float, (clearance, by_energy, by_speed, power, speed)))
 
 

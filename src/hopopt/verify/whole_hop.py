@@ -197,4 +197,4 @@ def _values(
 def _clearance(machine: Machine, q: np.ndarray) -> float:
     """Height of the lowest of joints and foot [m] at q (2 + n)."""
     heights = machine.points(q)
-    return min(float(heights[name][1]) for name in machine.frames)
+    return min(float(heights[name][1]) for name in machine.robot.point_names)

@@ -44,6 +44,39 @@ class FourBar(Section):
     )
 
 
+class FiveBar(Section):
+    """A crank beside the link before the joint, which a drive on what carries that link turns, and a rod from it to the link
+    behind the joint: with both links a closed chain, whose crank and rod weigh."""
+
+    crank: float = quantity("length of the crank", "m", 1e-3, 10, physical=True)
+    rod: float = quantity("length of the rod", "m", 1e-3, 10, physical=True)
+    arm: float = quantity("from the joint to the rod's end on the link behind it", "m", 1e-3, 10, physical=True)
+    turned: float = quantity("of the arm forward from its link's direction", "rad", -7, 7, 0.0, physical=True)
+    pivot_x: float = quantity(
+        "of the crank from the joint before, all angles zero, forward", "m", -10, 10, 0.0, physical=True
+    )
+    pivot_z: float = quantity(
+        "of the crank from the joint before, all angles zero, up", "m", -10, 10, 0.0, physical=True
+    )
+    ahead: bool = choice(
+        "whether the crank is turned forward from the line from its pivot to the rod's end; else backward", True
+    )
+    crank_mass: float = quantity("of the crank", "kg", 0, 1e3, 0.0, physical=True)
+    rod_mass: float = quantity("of the rod", "kg", 0, 1e3, 0.0, physical=True)
+    crank_com: float | None = quantity(
+        "from the crank's pivot to its centre of mass (default: half its length)", "m", -10, 10, None, physical=True
+    )
+    rod_com: float | None = quantity(
+        "from the crank's end to the rod's centre of mass (default: half its length)", "m", -10, 10, None, physical=True
+    )
+    crank_inertia: float | None = quantity(
+        "about its centre of mass (default: a thin rod's)", "kg m^2", 0, 1e3, None, physical=True
+    )
+    rod_inertia: float | None = quantity(
+        "about its centre of mass (default: a thin rod's)", "kg m^2", 0, 1e3, None, physical=True
+    )
+
+
 class RatioTable(Section):
     """A ratio by the joint's angle, by a monotone cubic spline through points, level before and behind them."""
 
@@ -71,6 +104,7 @@ class Transmission(Section):
     rod: Rod | None = choice("a linear actuator", None, listed=False)
     four_bar: FourBar | None = choice("a crank and a rod", None, listed=False)
     table: RatioTable | None = choice("a ratio by angle", None, listed=False)
+    five_bar: FiveBar | None = choice("a second crank and a rod that weigh", None, listed=False)
     coupling: dict[str, Coupled] | None = choice(
         "other joints that turn the drive too: of a belt whose motor sits on the body, {hip = {ratio = 1}}",
         None,

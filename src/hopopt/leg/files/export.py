@@ -267,6 +267,8 @@ def _mjcf_inertial(body: ET.Element, content: MovingBody) -> None:
 
 def _bodies(robot: Robot) -> list[MovingBody]:
     refuse_series_springs(robot.leg, "a URDF or MJCF")
+    for joint in robot.leg.five_bars:
+        raise UsageError(f"a URDF or MJCF knows no closed chains: leave out leg.{joint}.transmission.five_bar")
     return link_bodies(robot.leg, robot.parameters)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from hopopt.design import Design, Leg
 from hopopt.design.fields import TRUNK
+from hopopt.leg.closed_chains import arm_point, chain_points, crank_point
 from hopopt.leg.geometry.solids import counted_points
 from hopopt.leg.kinematics import joint_frames, joint_positions, link_ends, start_angles
 
@@ -34,7 +35,8 @@ def points_of(design: Design) -> dict[str, tuple[str, ...]]:
         name = point.partition(" ")[0]
         found[name] = (*found.get(name, ()), point)
     trunk = {name: (name,) for name in (TRUNK,) if leg.has_trunk}
-    return {name: (name,) for name in leg.pivots} | found | trunk | {"foot": ("foot",)}
+    beside = {of(joint): (of(joint),) for joint in leg.five_bars for of in (arm_point, crank_point)}
+    return {name: (name,) for name in leg.pivots} | found | trunk | beside | {"foot": ("foot",)}
 
 
 def height_rows(design: Design) -> list[tuple[str, str, float]]:
@@ -69,13 +71,14 @@ def _joint_heights(design: Design) -> list[float]:
 
 
 def lowest_at_start(design: Design, name: str) -> float:
-    """Height [m] over the ground, where the hop starts, of the lowest point of a link or the trunk."""
-    places, turns = joint_frames(design.leg, start_angles(design))
+    """Height [m] over the ground, where the hop starts, of the lowest point of a link, the trunk or a five-bar."""
+    q = start_angles(design)
+    places, turns = joint_frames(design.leg, q)
     places, turns = [np.zeros(3), *places], [np.eye(3), *turns]  # the body's first
     own = points_of(design)[name]
     heights = [
         (places[joint + 1] + turns[joint + 1] @ place)[2]
-        for point, joint, place in counted_points(design.leg)
+        for point, joint, place in (*counted_points(design.leg), *chain_points(design.leg, q))
         if point in own
     ]
     return float(min(heights) - places[-1][2])

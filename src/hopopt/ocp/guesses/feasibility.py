@@ -25,9 +25,7 @@ def cannot_begin(design: Design, robot: Robot) -> list[str]:
 def joints_without_inertia(design: Design, robot: Robot) -> list[str]:
     """A sentence if joints turn without inertia in the start pose: no force moves such a leg in a way that is known."""
     q = np.concatenate([np.zeros(BASE), start_angles(design)])
-    M = pin.crba(robot.model, robot.model.createData(), q)  # its upper triangle
-    if robot.turning:
-        M[BASE:, BASE:] += robot.turning.inertia(q[BASE:])
+    M = robot.mass_matrix(q)
     scale = np.array([1.0] * BASE + [reach(design.leg)] * len(design.leg.joints))
     values, motions = np.linalg.eigh(M / np.outer(scale, scale), UPLO="U")
     free = np.abs(motions[BASE:, values <= SINGULAR * values[-1]]).max(axis=1, initial=0.0)
@@ -47,11 +45,8 @@ def springs_lift_the_foot(design: Design, robot: Robot) -> list[str]:
     if not robot.springs or loop_axes(design.leg) or design.hop.periodic:
         return []
     q = np.concatenate([np.zeros(BASE), start_angles(design)])
-    jacobian, M = _foot_jacobian(robot, q), pin.crba(robot.model, robot.model.createData(), q)
-    M, turns = np.triu(M) + np.triu(M, 1).T, np.eye(len(robot.joints))
-    if robot.turning:
-        M[BASE:, BASE:] += robot.turning.inertia(q[BASE:])
-        turns = robot.turning.jacobian(q[BASE:])
+    jacobian, M = _foot_jacobian(robot, q), robot.mass_matrix(q)
+    turns = robot.turning.jacobian(q[BASE:]) if robot.turning else np.eye(len(robot.joints))
     columns, force = M[:, BASE:] - M[:, :BASE] @ jacobian, robot.forces_at_rest(q)
     reduced = columns[BASE:] - jacobian.T @ columns[:BASE]
     by_torque = np.linalg.solve(reduced.T, columns[UP])  # of the vertical ground force [N], for each N m

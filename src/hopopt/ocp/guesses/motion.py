@@ -89,8 +89,8 @@ class MovingLeg:
 
     @property
     def point_names(self) -> tuple[str, ...]:
-        """Joints and foot."""
-        return tuple(self.robot.points)
+        """Joints and foot, and what else may be lowest."""
+        return self.robot.point_names
 
     def dynamics(self, s: Instant) -> LegDynamics:
         """The leg with the instant's parameters."""

@@ -20,8 +20,7 @@ from hopopt.drivetrain.motor import state_ratings
 from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES, Entry
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
-from hopopt.leg.robot import build_robot
-from hopopt.leg.scales import joint_inertias
+from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.drives import motor_torques, refuse_drive_states
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE
 from hopopt.ocp.heat import refuse_heat
@@ -126,7 +125,8 @@ def highest_gains(design: Design) -> tuple[np.ndarray, np.ndarray]:
     start while the others are free."""
     period = 1 / design.simulation.control_rate
     robot, start = build_robot(design.leg), start_angles(design)
-    inertia = joint_inertias(robot.model, start, robot.turning.inertia(start) if robot.turning else 0.0)
+    M = robot.mass_matrix(np.concatenate([np.zeros(BASE), start]))
+    inertia = 1 / np.diag(np.linalg.inv(M))[BASE:]  # of each joint while all others are free
     return STIFFEST * inertia / period**2, MOST_DAMPED * inertia / period
 
 

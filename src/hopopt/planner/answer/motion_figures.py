@@ -99,7 +99,9 @@ def parts(plan: Motion) -> Parts:
 def lowest_point(plan: Motion) -> str:
     """The foot or joint that is lowest when flight ends; of a leg with shapes also the trunk, or a link by its name."""
     end = plan.apex
-    heights = {name: round(float(end.points[name][0, 1]), 9) for name in dict.fromkeys(("foot", *plan.robot.points))}
+    heights = {
+        name: round(float(end.points[name][0, 1]), 9) for name in dict.fromkeys(("foot", *plan.robot.point_names))
+    }
     return min(heights, key=lambda name: heights[name]).partition(" ")[0]
 
 

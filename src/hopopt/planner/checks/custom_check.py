@@ -55,7 +55,7 @@ def objective_of(robot: Robot, tables: Mapping[str, Table], c: Custom, numbers: 
             integral(t, along(robot, phase, t, c, SAMPLES_OF_INTERVAL, numbers)[..., 0]) for phase, t in tables.items()
         )
     stance, flight = (tables[phase] for phase in CUSTOM_PHASES)
-    end = symbols(len(robot.joints), tuple(robot.points), True, numbers)
+    end = symbols(len(robot.joints), robot.point_names, True, numbers)
     assert end.lift_off is not None
     start = stance.t[0, 0]
     at_ends = [
@@ -76,7 +76,7 @@ def along(
 ) -> np.ndarray:
     """The function's values (N, k, m) at the same normalised times of every interval."""
     changing = added_states(robot.leg, robot.parameters).steady == len(robot.joints)
-    m = symbols(len(robot.joints), tuple(robot.points), False, numbers, kind(phase), table.f.shape[-1], changing)
+    m = symbols(len(robot.joints), robot.point_names, False, numbers, kind(phase), table.f.shape[-1], changing)
     more, forces = [m.a, m.tau, m.f], [table.a, table.tau, table.f]
     if m.rates is not None:
         more, forces = [*more, m.rates.a, m.rates.tau, m.rates.f], [*forces, *map(table.rate, forces)]
@@ -103,4 +103,4 @@ def _inputs(m: Moment) -> list[Any]:
 def _numbers(machine: Machine, t: float, q: np.ndarray, v: np.ndarray) -> list[Any]:
     """The same by Pinocchio."""
     points = machine.points(q)
-    return [t, q, v, *(points[name] for name in (*machine.frames, "com")), machine.com_velocity(q, v)]
+    return [t, q, v, *(points[name] for name in (*machine.robot.point_names, "com")), machine.com_velocity(q, v)]

@@ -14,7 +14,8 @@ from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking, reflected_iner
 from hopopt.drivetrain.operating_region.limits import Entry
 from hopopt.drivetrain.springs import joints_of, rounding
 from hopopt.drivetrain.supply import WINDING
-from hopopt.drivetrain.transmission import LAWS, SAMPLES, couplings, in_range, ratios
+from hopopt.drivetrain.transmission import LAWS, SAMPLES, couplings, five_bar_ratios, in_range, ratios
+from hopopt.leg.kinematics import planar
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.render import shown
@@ -85,11 +86,13 @@ def transmission_rules(leg: Leg, report: Report) -> None:
         between, path = leg.joint[joint].transmission, f"leg.{joint}.transmission"
         if between is None:
             continue
-        given = [law for law in LAWS if getattr(between, law) is not None]
+        given = [law for law in (*LAWS, "five_bar") if getattr(between, law) is not None]
         if len(given) > 1:
             report.add(path, f"has {' and '.join(given)}: one law says how a joint turns its drive, remove the others")
         elif between.table is not None and (words := between.table.fault()):
             report.add(f"{path}.table", words)
+        elif between.five_bar is not None:
+            _five_bar_rules(leg, joint, f"{path}.five_bar", report)
         elif given:
             _moving_rules(leg, joint, f"{path}.{given[0]}", report)
         for other in between.coupling or ():
@@ -133,14 +136,56 @@ def _moving_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
         )
 
 
+def _five_bar_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
+    """Report a five-bar that is on no chain of two links in the leg's plane, or cannot close, or has a dead point."""
+    between, k = leg.joint[joint].transmission, leg.joints.index(joint)
+    if k == 0:
+        report.add(
+            path,
+            f"needs a link before the {joint}, which is the first: give it to one of {', '.join(leg.joints[1:]) or 'none'}",
+        )
+    elif not planar(leg):
+        report.add(path, "is a chain in the plane of x and z, which this leg leaves: give every joint an axis along y")
+    elif between is not None and between.coupling:
+        report.add(path, f"turns with the {leg.joints[k - 1]} already: leave out leg.{joint}.transmission.coupling")
+    else:
+        _closing_rules(leg, joint, path, report)
+
+
+def _closing_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
+    """Report a five-bar that cannot close, or has a dead point, in the ranges of its joints."""
+    before = leg.joints[leg.joints.index(joint) - 1]
+    poses, found = five_bar_ratios(leg, joint, physical_parameters(leg), BEYOND)
+    open_at, own = poses[~np.isfinite(found).all(axis=1)], found[:, 1]
+    remedy = f"change its entries, or the limits of {before} and {joint}"
+    if len(open_at):
+        (a, c), (b, d) = open_at.min(axis=0), open_at.max(axis=0)
+        where = f"with the {joint} between {c:.4g} and {d:.4g} rad and the {before} between {a:.4g} and {b:.4g} rad"
+        report.add(path, f"cannot close in places {where}: {remedy}")
+    elif np.abs(own).min() <= DEAD * np.abs(own).max() or own.min() < 0 < own.max():
+        at = poses[int(np.argmin(np.abs(own)))]
+        where = f"{at[0]:.4g} rad of the {before} and {at[1]:.4g} rad of the {joint}"
+        report.add(path, f"has a dead point near {where}, where its drive moves no {joint}: {remedy}")
+
+
 def _apart_rules(leg: Leg, report: Report) -> None:
     """Report drives that do not move all joints apart from each other: a determinant of ratios that is near zero or changes its sign.
 
     Couplings are constant, so the determinant is linear in every joint's own ratio: its extremes are at the ends of these.
     """
     p, joints = physical_parameters(leg), leg.joints
-    own = [ratios(leg, joint, p, in_range(leg, joint)) for joint in joints]
+    own = [
+        five_bar_ratios(leg, j, p)[1][:, 1] if j in leg.five_bars else ratios(leg, j, p, in_range(leg, j))
+        for j in joints
+    ]
     corners = [np.diag(each) for each in product(*((ratio.min(), ratio.max()) for ratio in own))]
+    for joint in leg.five_bars:
+        k, beside = joints.index(joint), five_bar_ratios(leg, joint, p)[1][:, 0]
+        corners = [
+            J + beside_at * np.eye(len(J), k=-1) * (np.arange(len(J)) == k)[:, None]
+            for J in corners
+            for beside_at in (beside.min(), beside.max())
+        ]
     for k, other, ratio in couplings(leg, p):
         for J in corners:
             J[k, other] += ratio

@@ -36,7 +36,9 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: Collection[str
     stop_upper, stop_lower, stiffness, loss: as in ``Stops``
     """
     if not can_slip(robot.leg):
-        raise UsageError("ground with friction is simulated for legs on x and z guides that move in the x-z plane only")
+        raise UsageError(
+            "ground with friction is simulated for legs on x and z guides that move in the x-z plane, without five-bars, only"
+        )
     n, model = len(robot.joints), robot.model
     inertias, axes = list(model.inertias)[BASE + 1 :], [robot.leg.joint[name].axis[1] for name in robot.joints]
     ends = [model.jointPlacements[k].translation for k in range(BASE + 2, BASE + 1 + n)]
