@@ -100,8 +100,10 @@ def side_links(leg: Leg, joint: str, p: Mapping[str, Any], q: Any) -> SideLinks:
     z = arm * ca.sin(bend) - back[1]
     share = (crank**2 + x**2 + z**2 - rod**2) / (2 * crank * ca.sqrt(x**2 + z**2))
     angle = line + ca.atan2(z, x) + (1 if between.five_bar.ahead else -1) * ca.acos(share)
-    ends = _turned((crank, 0.0), angle), _turned((x, z), line)
-    return SideLinks((pivot[0], pivot[1]), *((pivot[0] + end[0], pivot[1] + end[1]) for end in ends), angle)
+    crank_end, arm_end = (
+        (pivot[0] + x, pivot[1] + z) for x, z in (_turned((crank, 0.0), angle), _turned((x, z), line))
+    )
+    return SideLinks((pivot[0], pivot[1]), crank_end, arm_end, angle)
 
 
 def forward(leg: Leg, k: int) -> float:

@@ -20,6 +20,7 @@ import pinocchio as pin
 from hopopt.design import Leg, physical_parameters
 from hopopt.design.fields import FORWARD
 from hopopt.drivetrain.transmission import heading, side_links
+from hopopt.leg.kinematics import joint_frames
 
 GUIDES = 2  # coordinates of the body, before the joints'
 PARTS = ("crank", "rod")
@@ -118,6 +119,17 @@ def chain_points(leg: Leg, q: np.ndarray) -> list[tuple[str, int, tuple[float, .
     p = physical_parameters(leg)
     found = {**arm_points(leg, p), **crank_points(leg, p, q)}
     return [(name, index - GUIDES - 1, place) for name, (index, place) in found.items()]
+
+
+def chain_lines(leg: Leg, q: np.ndarray) -> list[np.ndarray]:
+    """Pivot, crank's end and rod's end of every five-bar at joint angles q (n) [rad], (3, 2) x and z [m] from the body."""
+    (places, turns), p, found = joint_frames(leg, q), physical_parameters(leg), []
+    places, turns = [np.zeros(3), *places], [np.eye(3), *turns]  # the body's first
+    for joint in leg.five_bars:
+        links, at = side_links(leg, joint, p, q), carrier_of(leg, joint) - GUIDES
+        ends = np.array([(x, 0.0, z) for x, z in (links.pivot, links.crank_end, links.arm_end)], dtype=float)
+        found.append((places[at] + ends @ turns[at].T)[:, PLANE])
+    return found
 
 
 @dataclass(frozen=True)

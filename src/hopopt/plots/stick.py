@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from hopopt.design import Leg
+from hopopt.leg.closed_chains import chain_lines
 from hopopt.leg.geometry.solids import Solid, outline, solids
 from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE
@@ -130,6 +131,9 @@ class _HopPoses:
         """Body, links, joints and foot of pose k in the colour of its phase."""
         phase = str(self.samples.phase[k])
         label = phase if self.samples.phase[:k].tolist().count(phase) == 0 else None
+        for line in chain_lines(self.leg, self.samples.q[k, BASE:]):
+            x, z = line.T + np.array([[self.x[k, 0]], [self.z[k, 0]]])
+            ax.plot(x, z, "-o", color=GREY, lw=1.5, ms=3, zorder=2)
         ax.plot(self.x[k], self.z[k], "-o", color=COLOR[phase], lw=3, ms=5, mfc="white", zorder=3, label=label)
         for j, corners in enumerate(self.shapes[k]):
             label = "shapes of body and links" if k == j == 0 else None
