@@ -25,6 +25,7 @@ PARTS = {  # of the site, in the order in which they are read
         "drives",
         "rates",
         "transmissions",
+        "five_bar",
         "springs",
         "environment",
         "objectives",
