@@ -144,6 +144,9 @@ def _five_bar_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
             path,
             f"needs a link before the {joint}, which is the first: give it to one of {', '.join(leg.joints[1:]) or 'none'}",
         )
+    elif leg.follows:
+        link = next(name for name in leg.links if leg.link[name].follows is not None)
+        report.add(path, f"does not go with leg.{link}.follows: leave out the one or the other")
     elif not planar(leg):
         report.add(path, "is a chain in the plane of x and z, which this leg leaves: give every joint an axis along y")
     elif between is not None and between.coupling:
