@@ -31,6 +31,7 @@ def prepare(results: Path) -> None:
 def reason_of(error: BaseException) -> str:
     """Why something failed, on one line of at most 200 characters."""
     words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    words = "it was interrupted" if isinstance(error, KeyboardInterrupt) else words
     return printable(" ".join((words or type(error).__name__).split()))[:200]
 
 
