@@ -17,7 +17,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.geometry.above import above_ground, height_rows, points_of
 from hopopt.leg.geometry.distance import Distances
 from hopopt.leg.geometry.smooth import clearances, margin_of
-from hopopt.leg.geometry.solids import NEAR, Solid, outline, placed, solids
+from hopopt.leg.geometry.solids import BODY, NEAR, Solid, outline, placed, solids
 from hopopt.leg.kinematics import joint_positions, start_angles, tucked
 from hopopt.leg.robot import build_robot
 from hopopt.ocp.guesses.posture import Posture
@@ -136,6 +136,23 @@ def test_what_touches_at_a_joint_where_the_hop_starts_is_left_out(tmp_path: Path
     assert [{names[i], names[j]} for i, j in found.left_out] == [{"thigh", "calf"}]
     low = Distances(paper_leg(tmp_path, SHAPES.replace("0.02, 0.1]\n[", "0.02, 0.02]\n[")).leg, np.array([0.9, -1.9]))
     assert {"thigh", "trunk"} in [{names[i], names[j]} for i, j in low.left_out]
+
+
+def test_neighbours_that_turn_beside_each_other_need_not_be_kept_apart(tmp_path: Path) -> None:
+    """A plate 1 mm beside the thigh, 4 cm thick; one further than the margin away; and tilted ones, one of which it turns into."""
+
+    def plate(inside: float, tilt: float) -> Distances:
+        corners = [[x, y, z] for x in (-0.3, 0.3) for z in (-0.3, 0.3) for y in (inside + tilt * x, 0.08)]
+        text = f"[leg.body.shapes.plate]\npoints = {corners}\ncounts = false\n[leg.thigh]\nradius = 0.04\n"
+        return Distances(paper_leg(tmp_path, text).leg, np.array([0.9, -1.9]))
+
+    beside, further, *tilted = (plate(*at) for at in ((0.041, 0.0), (0.05, 0.0), (0.0404, 0.003), (0.0404, -0.003)))
+    assert [beside.names(pair) for pair in beside.beside] == [("thigh", "plate")]
+    assert not beside.between(0, BODY)
+    assert not further.beside
+    assert len(further.between(0, BODY)) == 1
+    assert not any(one.beside for one in tilted)
+    assert sorted(len(one.between(0, BODY)) for one in tilted) == [0, 1]
 
 
 def lowest(leg: Leg, solid: Solid, q: np.ndarray) -> float:

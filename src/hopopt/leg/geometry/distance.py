@@ -10,10 +10,12 @@ import pinocchio as pin
 from hopopt.design import Design, Leg
 from hopopt.leg.geometry.hulls import rounded
 from hopopt.leg.geometry.solids import BODY, Solid, colliding
-from hopopt.leg.kinematics import link_ends, start_angles
+from hopopt.leg.kinematics import link_ends, reach, start_angles
 from hopopt.leg.robot import BASE, build_robot
 
 KEPT = 4  # legs of this process
+MARGIN = 0.005  # of the leg's reach: what is kept between solids
+ANGLES = 161  # of a joint at which its neighbours are looked at
 
 
 class Distances:
@@ -23,6 +25,7 @@ class Distances:
     touch around their joint, and the limits of its angle stand for them.
 
     pairs: the solids, each pair with that nearer to the foot second
+    beside: those of neighbours that turn beside each other within MARGIN, and that no angle of their joint brings together
     """
 
     def __init__(self, leg: Leg, start: np.ndarray):
@@ -39,10 +42,23 @@ class Distances:
         ]
         self.left_out = [pair for pair, left in zip(self.pairs, touches, strict=True) if left]
         self.pairs = [pair for pair, left in zip(self.pairs, touches, strict=True) if not left]
+        self.beside = [pair for k in range(len(start)) for pair in self._beside(leg, start, k)]
+
+    def _beside(self, leg: Leg, start: np.ndarray, k: int) -> list[tuple[int, int]]:
+        """Of ``beside`` those at joint number k."""
+        joint, most = leg.joint[leg.joints[k]], MARGIN * reach(leg)
+        pairs = [(i, j) for i, j in self.pairs if (self.solids[i].joint, self.solids[j].joint) == (k - 1, k)]
+        pairs = [pair for pair, distance in zip(pairs, self.all(start[None], pairs)[0], strict=True) if distance < most]
+        poses = np.tile(start, (ANGLES, 1))
+        poses[:, k] = np.linspace(joint.lower, joint.upper, ANGLES)
+        distances = self.all(poses, pairs).T if pairs else ()
+        return [p for p, at in zip(pairs, distances, strict=True) if at.min() > 0 and at.max() < most]
 
     def between(self, joint: int, other: int) -> list[tuple[int, int]]:
-        """The pairs of what a joint moves with what the ``other`` moves, nearer to the body, or BODY."""
-        return [(i, j) for i, j in self.pairs if (self.solids[i].joint, self.solids[j].joint) == (other, joint)]
+        """The pairs of what a joint moves with what the ``other`` moves, nearer to the body, or BODY, but for those that need
+        not be kept apart (``beside``)."""
+        pairs = [(i, j) for i, j in self.pairs if (self.solids[i].joint, self.solids[j].joint) == (other, joint)]
+        return [pair for pair in pairs if pair not in self.beside]
 
     def names(self, pair: tuple[int, int]) -> tuple[str, str]:
         """What the two solids of a pair are called, that nearer to the foot first."""

@@ -15,11 +15,10 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from hopopt.design import Design, Leg
-from hopopt.leg.geometry.distance import KEPT, Distances, distances_of, key_of
+from hopopt.leg.geometry.distance import KEPT, MARGIN, Distances, distances_of, key_of
 from hopopt.leg.geometry.solids import BODY, NEAR, has_shape, on_grid
 from hopopt.leg.kinematics import reach, spread, start_angles
 
-MARGIN = 0.005  # of the leg's reach: what is kept between solids
 LEVEL = 0.12  # of the reach: distances level off towards it
 COARSE = 9  # angles of each joint at which pairs are looked at that may never come near
 STEPS = {1: 0.01, 2: 0.025, 3: 0.07}  # of the reach, by joints between: how far a link's end moves between grid angles

@@ -46,7 +46,7 @@ from hopopt.nlp.refinement.next_mesh import (
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, sharp_states, zeros
-from hopopt.nlp.solver.ipopt import GENTLE_OPTIONS, NEAR_OPTIONS, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
 
@@ -207,20 +207,23 @@ class Refinement:
         built = time.perf_counter()
         solved = self._solved(solver, guess, free, (enforced.multipliers(lam_g), lam_x), bounds)
         if (found := self._believable(solved)) is None:
-            self._enforced, self._tightened, self._answered = before
-            if self._spared():
+            unneeded, (self._enforced, self._tightened, self._answered) = self._unneeded, before
+            if unneeded is not None:
+                self._touched = dict(unneeded)
+                self._enforced = {name: on & ~unneeded[name] for name, on in self._enforced.items()}
                 return self._solve_on(cuts)
             return OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
         self._accept(enforced.at_nodes(found), built - began, time.perf_counter() - built)
         return ""
 
-    def _spared(self) -> bool:
-        """Whether limits are enforced, and from now on are not, that the last mesh keeps and its hulls pass."""
+    @property
+    def _unneeded(self) -> Chosen | None:
+        """Limits, (1, path limits) by phase, that the last mesh keeps and its hulls pass; None if none is enforced, or some were
+        spared before."""
         if not self.between or self.aims.until.passed or any(on.any() for on in self._touched.values()):
-            return False
-        self._touched = kept_without(self.solution, self.errors, self.aims.excess)
-        self._enforced = {name: on & ~self._touched[name] for name, on in self._enforced.items()}
-        return any(on.any() for on in self._touched.values())
+            return None
+        kept = kept_without(self.solution, self.errors, self.aims.excess)
+        return kept if any((on & self._enforced[name]).any() for name, on in kept.items()) else None
 
     def _enforce_and_tighten(self, cuts: Cuts) -> None:
         """What is enforced and tightened on the next mesh, and the excess it answers to."""
@@ -247,13 +250,15 @@ class Refinement:
         if self._sharp and not tried[0].success and not self.aims.until.passed:
             tried = [self._solver(warm.transcription, self._ways[1])(guess, free, multipliers, bounds)]
             self._ways = self._ways[::-1] if tried[0].success else self._ways
+        if not tried[0].success and self._unneeded is not None:
+            return []  # without those hulls it is tried next
         for strategy in RESTARTS:
             most = self.aims.iterations
             if not tried[0].success:
                 most = min(most, self._restarts_left)
             if most == 0 or self.aims.until.passed or (tried[-1].success and not self._worse(tried[-1])):
                 break
-            options = GENTLE_OPTIONS | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
+            options = RESTARTED | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
             tried.append(NlpSolver(warm.transcription, options, until=self.aims.until)(guess, free, None, bounds))
             self._restarts_left = max(0, self._restarts_left - tried[-1].iterations)
         return [s for s in tried if s.success]
@@ -286,7 +291,8 @@ class Refinement:
             self._accept(found, 0.0, time.perf_counter() - began, k + 1)
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
-        times = LONGER if self.aims.restarts else SHARP if self._sharp else 1  # from the point alone it takes hundreds
+        longer = self.aims.restarts and self._unneeded is None  # from the point alone it takes hundreds
+        times = LONGER if longer else SHARP if self._sharp else 1
         most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
         return NlpSolver(t, {**known, **most}, until=self.aims.until)
 

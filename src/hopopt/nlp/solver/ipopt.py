@@ -43,8 +43,11 @@ def _from_known(push: float) -> dict[str, Any]:
 STEADY = {"ipopt.adaptive_mu_globalization": "never-monotone-mode", "ipopt.first_hessian_perturbation": 1e-10}
 WARM = _from_known(1e-6) | STEADY  # where the point and the multipliers are nearly known
 CARRIED = _from_known(1e-4) | STEADY  # where they come from a coarser mesh or another problem
+# Where optima are flat, as that of a stance that may wait, steps creep for ever at an error of 1e-8: this many in a row that
+# change nothing are enough (ANYmal B, Centauro). Looser ends are not: torques quiver (docs/tried.md).
+SETTLED = {"ipopt.acceptable_iter": 10, "ipopt.acceptable_tol": 1e-7, "ipopt.acceptable_obj_change_tol": 1e-9}
 # The same, and where such steps lead round a sharp bend, and back: then a filter is to stop them.
-WAYS = (CARRIED, CARRIED | {"ipopt.adaptive_mu_globalization": "obj-constr-filter"})
+WAYS = (CARRIED | SETTLED, CARRIED | SETTLED | {"ipopt.adaptive_mu_globalization": "obj-constr-filter"})
 NEAR_OPTIONS = _from_known(1e-11)  # where they are those of the same program within other limits
 # Of schemes that collocate both ends of an interval: controls and multipliers oscillate, and rows of neighbouring intervals
 # depend on each other, which Ipopt has to be told (it finds out too late).
@@ -52,6 +55,7 @@ UNDAMPED = {"ipopt.tol": 1e-8, "ipopt.perturb_always_cd": "yes"}
 # Not to be followed where Hessians are made convex by steep terms: such iterates hardly move, and their factorisations fill
 # up, which can take minutes each.
 GENTLE_OPTIONS = {"ipopt.max_hessian_perturbation": 1e5}
+RESTARTED = GENTLE_OPTIONS | SETTLED  # on a finer mesh, from the point alone
 
 
 REASON = 200  # characters
