@@ -39,6 +39,7 @@ class Leg:
     start: angles of the joints [rad]
     lacks: lines of the table [leg] for what the file lacks
     locked: joints that are held elsewhere than at 0, with their angles [rad]
+    stance: the longest [s], where a longer one may wait in many equal ways; 0: by default
     """
 
     file: str
@@ -49,14 +50,16 @@ class Leg:
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lacks: str = ""
     locked: str = ""
+    stance: float = 0.0
 
     def problem(self, name: str, lacks: str) -> str:
         """The text of its problem file, with lines for what the robot's file lacks."""
         locked = f"locked = {{{self.locked}}}\n" if self.locked else ""
+        hop = f"[hop]\nstance_duration = [0.03, {self.stance}]\n" if self.stance else ""
         return (
             f'name = "{name}"\n[leg]\nurdf = "{Q}/{self.file}"\njoints = {json.dumps(self.joints)}\n'
             f'foot_frame = "{self.foot}"\nfoot_point = {list(self.point)}\ngeometry = true\n{locked}body.legs = {self.legs}\n{lacks}\n'
-            f"[start]\njoint_angles = {list(self.start)}\n[contact]\nfriction = {FRICTION}\n"
+            f"[start]\njoint_angles = {list(self.start)}\n[contact]\nfriction = {FRICTION}\n{hop}"
         )
 
 
@@ -74,7 +77,7 @@ LEGS = {
     "a1": Leg("a1_description/urdf/a1.urdf", THIGH, "FL_foot", 4, SPRAWL),
     "alexander": Leg("alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf", ("LEFT_HIP_Y", "LEFT_KNEE_Y"),
                      "LEFT_FOOT", 2, (-0.553, 1.2), (0.1, 0.0, -0.06), locked="LEFT_ANKLE_Y = -0.4"),
-    "anymal_b": Leg("anymal_b_simple_description/robots/anymal.urdf", ANY, "LF_FOOT", 4, (1.085, -1.5), lacks=ranges(ANY, (-0.6, 1.6), (-2.6, -0.2))),
+    "anymal_b": Leg("anymal_b_simple_description/robots/anymal.urdf", ANY, "LF_FOOT", 4, (1.085, -1.5), lacks=ranges(ANY, (-0.6, 1.6), (-2.6, -0.2)), stance=0.25),
     "anymal_c": Leg("anymal_c_simple_description/urdf/anymal.urdf", ANY, "LF_FOOT", 4, (0.999, -1.5), lacks=ranges(ANY, (-0.6, 1.6), (-2.6, -0.2))),
     "b1": Leg("b1_description/urdf/b1.urdf", THIGH, "FL_foot", 4, SPRAWL),
     "bolt": Leg("bolt_description/robots/bolt.urdf", FRONT, "FL_FOOT", 2, SPRAWL, lacks=f"{ODRI}\n{ranges(FRONT, *FOLDS)}"),
