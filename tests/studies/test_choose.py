@@ -35,6 +35,7 @@ from hopopt.studies.choose.run import choose, written
 from hopopt.studies.maps.pieces import pieces
 from hopopt.studies.maps.run import map_in
 from hopopt.studies.sweep.definition import Axis, Definition
+from hopopt.studies.sweep.recheck import recheck_study
 from hopopt.verify.upper_bound import upper_bound
 from once import solved_once
 
@@ -275,3 +276,22 @@ def test_drives_that_push_through_rods_beside_a_spring_are_chosen(tmp_path: Path
     knee = push.tau[:, 1] / own
     powers = np.array([push.tau[:, 0] - knee, knee]) * [push.v[:, BASE], push.v[:, BASE] + own * push.v[:, BASE + 1]]
     assert first.energy == pytest.approx(np.trapezoid(np.maximum(powers, 0).sum(axis=0), push.t), rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_pair_that_clears_only_with_too_hot_a_winding_does_not_clear(tmp_path: Path) -> None:
+    """Verified is the written leg, whose motor must stay below 155 degC, and not the list's, which knows no heat."""
+    first = list[Choice]()
+    found = choose(
+        load("paper"), 0.3, only=["maxon-ec4pole30-200", "maxon-gp81a-14"], verify=1, processes=1, results=tmp_path,
+        listed=first.append,
+    )  # fmt: skip
+    (listed,), (verified,) = first[0].candidates, found.candidates
+    assert (listed.outcome, listed.lacks, verified.outcome, verified.lacks) == (CLEARS, "heat", FAILS, "heat")
+    answer = solve(written(found, verified), starts=1, processes=1)
+    assert verified.verified == pytest.approx(answer.clearance, abs=1e-5)
+    assert answer.summary.heat is not None
+    assert answer.summary.heat["hip"].winding_temperature_C == pytest.approx(155, abs=0.1)
+    assert found.folder is not None
+    rechecked, changed_files = recheck_study(found.folder)
+    assert ([r.fault for r in rechecked], changed_files) == ([""], [])

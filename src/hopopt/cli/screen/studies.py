@@ -184,7 +184,7 @@ def _clearing(found: Choice) -> Iterator[Shown]:
     rows = [
         [
             c.pair.name, *_figures(c.mass, c.body_mass), _figure(c.price), *_figures(c.energy, c.peak_power),
-            _figure(c.clearance, 4), f"{c.state}{'' if not c.pair.unverified else ', unverified numbers'}",
+            _figure(c.clearance, 4), ", ".join(filter(None, _marks(c))),
         ]
         for c in found.clearing
     ]  # fmt: skip
@@ -199,6 +199,11 @@ def _clearing(found: Choice) -> Iterator[Shown]:
         yield f"no pair clears {found.wish:g} m"
     if len(rows) > PAIRS:
         yield _more(found, len(rows) - PAIRS)
+
+
+def _marks(c: Candidate) -> tuple[str, ...]:
+    """What is to be known of the clearance of a pair that clears."""
+    return c.state, "too hot in that hop" if c.lacks else "", "unverified numbers" if c.pair.unverified else ""
 
 
 def _not_clearing(found: Choice) -> Iterator[Shown]:

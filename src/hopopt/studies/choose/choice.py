@@ -32,7 +32,8 @@ class Candidate:
     preliminary: clearance on the first mesh or, where it may clear, on a finer one [m]
     verified: clearance that is verified [m]
     sentence: why it was not solved, or how its verification ended
-    lacks: what is exhausted longest in the push, where it does not clear: torque, speed or supply
+    lacks: what is exhausted longest in the push, where it does not clear: torque, speed or supply; heat, where its winding gets
+        too hot in the preliminary hop that clears
     energy: that its motors give in the push of that hop [J]; peak_power: the most that they give together [W]
     ratio: of its gear, if it is one
     """

@@ -207,6 +207,12 @@ class Drives:
                 found |= {f"{path}.{part}.{key}": float(value) for key, value in values.items()}
         return found
 
+    def heat(self, pair: Tried, entries: Mapping[str, Entry], keys: Sequence[str]) -> dict[str, float]:
+        """What the motors of a pair state of their heat beside the ``keys`` of a motor."""
+        stated = {path: entries[own.motor].parts["motor"] for path, own in self._places(pair).items()}
+        beside = set(HEAT) - set(keys)
+        return {f"{path}.motor.{k}": x for path, numbers in stated.items() for k, x in numbers.items() if k in beside}
+
     def base(self, pair: Tried, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         """Entries that the problem of all pairs has, with the numbers of one of them and no names."""
         nameless = {f"{path}.{part}.catalogue": None for path in self._places(pair) for part in KINDS}

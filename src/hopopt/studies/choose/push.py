@@ -8,6 +8,7 @@ from hopopt.drivetrain.operating_region.limits import Line
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_limits
 from hopopt.leg.derived import velocity_limit
+from hopopt.leg.robot import build_robot
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
@@ -15,6 +16,7 @@ from hopopt.planner.motion import Motion
 from hopopt.studies.maps.warm import WARM, MapPoint
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import first_program
+from hopopt.verify.hops.heat import heat_checks
 
 EXHAUSTED = 0.97  # share of a limit from which on it counts as reached
 PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # in every interval
@@ -23,11 +25,13 @@ PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # in every interval
 @dataclass(frozen=True)
 class Push:
     """energy: positive work of the drives in stance [J]; peak_power: the most of all drives together [W]; exhausted: "torque",
-    "speed" or "supply", whichever is at its limit for the longest, empty if none is."""
+    "speed" or "supply", whichever is at its limit for the longest, empty if none is; too_hot: whether a winding gets hotter in
+    the hop than its limit, where that counts only once it is verified."""
 
     energy: float
     peak_power: float
     exhausted: str
+    too_hot: bool
 
 
 def push(definition: Definition, point: MapPoint, x: np.ndarray) -> Push:
@@ -39,7 +43,15 @@ def push(definition: Definition, point: MapPoint, x: np.ndarray) -> Push:
     power = hop.robot.drive_torques(s.q, s.tau) * s.w
     at = s.t
     energy = float(np.trapezoid(np.maximum(power, 0.0).sum(axis=1), at))
-    return Push(energy, float(power.sum(axis=1).max()), _exhausted(hop, s.command, s.w, power.sum(axis=1)))
+    exhausted = _exhausted(hop, s.command, s.w, power.sum(axis=1))
+    return Push(energy, float(power.sum(axis=1).max()), exhausted, _too_hot(definition, point.index, plan))
+
+
+def _too_hot(definition: Definition, k: int, plan: Motion) -> bool:
+    if not (definition.full and definition.full[k]):
+        return False
+    design = definition.full_design_at(k)
+    return any(c.residual > 0 for c in heat_checks(design, build_robot(design.leg), plan.tables))
 
 
 def _exhausted(hop: Hop, tau: np.ndarray, w: np.ndarray, power: np.ndarray) -> str:

@@ -32,6 +32,7 @@ from hopopt.studies.maps.pieces import neighbours
 from hopopt.studies.maps.run import run_map
 from hopopt.studies.maps.warm import MapPoint
 from hopopt.studies.sweep.definition import Axis, Definition
+from hopopt.studies.sweep.point_file import NOT_SOLVED
 
 Say = Callable[[str], None]
 HOPELESS = 0.7  # share of the torques that hold the start pose, below which no drive was seen to hop (benchmarks/choose_pairs.py)
@@ -141,7 +142,10 @@ def _definition(
     }
     axes = tuple(Axis(entry, (), float(column.min()), float(column.max())) for entry, column in varied.items())
     points = tuple(tuple(float(column[k]) for column in varied.values()) for k in range(len(rows)))
-    return Definition(base, "clearance", axes, starts=starts, preliminary=True, listed=points, wish=wish)
+    hot = tuple(chosen.heat(pair, entries, keys["motor"]) for pair in left)
+    return Definition(
+        base, "clearance", axes, starts=starts, preliminary=True, listed=points, wish=wish, full=hot if any(hot) else ()
+    )
 
 
 def _solved(
@@ -177,7 +181,8 @@ def _solved(
             lacks = "" if outcome == choice.CLEARS else known[k].lacks or "mass"
             known[k] = replace(known[k], verified=p.clearance_m, outcome=outcome, lacks=lacks)
         elif not isinstance(p, MapPoint):
-            known[k] = replace(known[k], sentence=f"{p.outcome}: {p.sentence}")
+            outcome = choice.NOT_SOLVED if p.outcome == NOT_SOLVED else known[k].outcome
+            known[k] = replace(known[k], outcome=outcome, sentence=f"{p.outcome}: {p.sentence}")
     return [known[k] for k in range(len(left))], found.folder
 
 
@@ -210,10 +215,10 @@ def _mapped(definition: Definition, c: Candidate, p: MapPoint, x: np.ndarray | N
         return replace(c, outcome=choice.NOT_SOLVED, sentence=p.sentence)
     seen = push(definition, p, x.astype(float))
     outcome = outcome_of(p.objective_value, wish, False)
+    lacks = ("heat" if seen.too_hot else "") if outcome == choice.CLEARS else seen.exhausted or "mass"
     return replace(
-        c, outcome=outcome, preliminary=p.objective_value, energy=seen.energy, peak_power=seen.peak_power,
-        lacks="" if outcome == choice.CLEARS else seen.exhausted or "mass",
-    )  # fmt: skip
+        c, outcome=outcome, preliminary=p.objective_value, energy=seen.energy, peak_power=seen.peak_power, lacks=lacks
+    )
 
 
 def written(found: Choice, candidate: Candidate) -> Design:

@@ -63,6 +63,7 @@ class Definition:
     listed: tuple[tuple[float, ...], ...] = ()  # the points, where they are neither a grid nor a sample
     wish: float = 0.0  # value that is asked for of a list: what ends far below it is not searched for long
     own: Mapping[str, Entry] = field(default_factory=dict)
+    full: tuple[Mapping[str, float], ...] = ()  # of a list: entries of each point that count only where it is verified
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -101,6 +102,10 @@ class Definition:
     def design_at(self, k: int) -> Design:
         """The problem of point k; ProblemFileError, with a sentence for each fault, if there is no such problem."""
         return self.design_with(self.values(k))
+
+    def full_design_at(self, k: int) -> Design:
+        """The problem that point k is verified as."""
+        return changed(self.design_at(k), self.full[k]) if self.full else self.design_at(k)
 
     def design_with(self, values: Mapping[str, float]) -> Design:
         """The problem with other values of some entries; ProblemFileError if there is none."""
@@ -147,6 +152,7 @@ class Definition:
             "objective": self.objective, "axes": axes, "sample": self.sample, "seed": self.seed,
             "starts": self.starts, "points": len(self.points), **({"preliminary": True} if self.preliminary else {}),
             **({"listed": [list(row) for row in self.listed], "wish": self.wish} if self.listed else {}),
+            **({"full": [dict(entries) for entries in self.full]} if self.full else {}),
             **({"own_catalogue": {name: dict(e.stated) for name, e in self.own.items()}} if self.own else {}),
         }  # fmt: skip
 

@@ -79,7 +79,9 @@ def _solved(definition: Definition, k: int, sources: Sequence[Neighbour], search
     with _one_at_a_time, compiling_shared(definition):
         until = NEVER.within(TIME_LIMIT)
         try:
-            hop = Hop(definition.design_at(k), definition.objective)
+            hop = Hop(definition.full_design_at(k), definition.objective)
+            if definition.full and definition.full[k]:  # of another program than the map's hop
+                sources = ()
             if faults := cannot_begin(hop.design, hop.robot):
                 raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
             found = _on_the_first_mesh(definition, hop, point.values, sources, until)
@@ -154,7 +156,7 @@ def again(definition: Definition, point: Point, begin: Begin) -> Point:
     """A point as it comes out when its optimum on the first mesh, ``begin``, is refined and verified once more."""
     with _one_at_a_time, compiling_shared(definition):
         until = NEVER.within(TIME_LIMIT)
-        hop = Hop(definition.design_at(point.index), definition.objective)
+        hop = Hop(definition.full_design_at(point.index), definition.objective)
         own = point.begun_from is None  # from starts, on a program of its own
         t = first_transcription(hop) if own else first_program(definition, hop, point.values, until)[0]
         found = _refined(hop, stored_outcome(hop, t, begin), t, until)

@@ -74,6 +74,7 @@ def read_definition(folder: Path) -> Definition:
                 tuple(Axis(e, (), *r) for e, r in vary.items()),
                 listed=listed,
                 wish=float(data.get("wish", 0.0)),
+                full=tuple(dict(entries) for entries in data.get("full", ())),
                 starts=data["starts"],
                 preliminary=True,
             )
