@@ -14,7 +14,7 @@ from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.problem import Component
 from hopopt.ocp.rules import LEAST_HEIGHT
-from hopopt.optimality.certificate import COSTATE, Certificate, certify, unresolved
+from hopopt.optimality.certificate import COSTATE, STATIONARY, Certificate, certify, unresolved
 from hopopt.optimality.minimum_principle.arcs import Activity
 from hopopt.optimality.minimum_principle.switch_times import plan
 from hopopt.optimality.minimum_principle.switching_structure import (
@@ -72,6 +72,13 @@ def test_intervals_are_cut_where_costates_miss_and_nothing_else_fails(
     monkeypatch.setattr(good.phases["stance"], "costate_misses", lambda found: misses)
     pieces = unresolved(replace(good, checks=wrong))
     assert {k: int(n) for k, n in enumerate(pieces["stance"]) if n > 1} == {3: 4}
+    gains = np.zeros(len(misses))
+    gains[5] = 2 * STATIONARY  # 4 N times the share of one of N intervals in half of it
+    monkeypatch.setattr(good.phases["stance"], "gains", lambda: gains)
+    lost = tuple(replace(c, residual=2 * STATIONARY) if c.name == "stance controls stationary" else c for c in wrong)
+    pieces = unresolved(replace(good, checks=lost))
+    most = int(np.ceil((4 * len(gains)) ** 0.2))
+    assert {k: int(n) for k, n in enumerate(pieces["stance"]) if n > 1} == {3: 4, 5: most}
 
 
 def test_the_refined_optimum_is_certified(hop: Solution) -> None:

@@ -20,9 +20,11 @@ from hopopt.optimality.minimum_principle.transversality import TransversalityCon
 from hopopt.verify.check import Check, Condition
 
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
+STEADY = "controls stationary"
 # Tolerances, all relative; in brackets the most that a built-in leg leaves with default settings:
 COSTATE = 1e-4  # ten times the local error that states may have: costates are integrated on their mesh (2e-6)
 RESOLVED, MOST_PIECES = 0.1, 8  # of COSTATE: what is aimed at where intervals are cut for it; of one interval at a time
+GAINED = 0.5  # of STATIONARY: the same, by all intervals alike
 HAMILTONIAN = 5e-4  # H is the sum of large terms of either sign, each in error by up to COSTATE: a few of them (4e-4)
 ENDS = 1e-5  # what the program itself meets, solved to 1e-11; its quadrature of H over a phase is less accurate (4e-6)
 STATIONARY = 1e-3  # what could be gained to first order: a millimetre of a metre (5e-4; 8e-2 on the first mesh)
@@ -69,14 +71,16 @@ def certify(solution: NlpSolution) -> Certificate:
 
 
 def unresolved(certificate: Certificate) -> dict[str, np.ndarray]:
-    """Into how many pieces intervals should be cut so that costates fit, by phase, (N,) each; {} if nothing is gained so:
-    where costates fit, or do not though other conditions fail too."""
+    """Into how many pieces intervals should be cut so that costates fit and controls are stationary, by phase, (N,) each; {}
+    if nothing is gained so: where both hold, or do not though other conditions fail too."""
     failed = {check.name for check in certificate.checks if not check.passed}
-    if not failed or any(not name.endswith(f" {COSTATES}") for name in failed):
+    if not failed or any(not name.endswith((f" {COSTATES}", f" {STEADY}")) for name in failed):
         return {}
     pieces = {}
     for name, c in certificate.phases.items():
         misses = c.costate_misses(arcs(activity(c.solution, name))) / (RESOLVED * COSTATE)
+        if f"{name} {STEADY}" in failed:
+            misses = np.maximum(misses, c.gains() / (GAINED * STATIONARY / len(misses)))
         order = c.layout.scheme.order
         pieces[name] = np.clip(np.ceil(misses ** (1 / order)), 1, MOST_PIECES).astype(int)
     return pieces
@@ -93,7 +97,7 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
     duration = duration_bounds_residual(c.solution, name)
     return [
         Check(f"{name} {COSTATES}", costate, COSTATE, "relative", when),
-        Check(f"{name} controls stationary", c.stationarity(), STATIONARY, "of the objective"),
+        Check(f"{name} {STEADY}", c.stationarity(), STATIONARY, "of the objective"),
         Check(f"{name} limits push where they hold", limits, STATIONARY, "of the objective", limit),
         Check(f"{name} Hamiltonian along arcs", within, HAMILTONIAN, "relative", at),
         Check(f"{name} Hamiltonian across switches", across, STATIONARY, "of the objective", edge),

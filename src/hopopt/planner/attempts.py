@@ -46,7 +46,7 @@ class Attempt:
     tie_break: times as large
     margin: share of the excess that verification allows, at which refinement aims
     further: whether it goes on from the last mesh, not from the first again
-    costates: whether it cuts the intervals of the last mesh in which costates are not resolved, and no others
+    costates: whether it cuts the intervals of the last mesh in which costates or torques are not resolved, and no others
     restarts: whether meshes may be solved again without the last one's multipliers
     within: relative distance of its objective, beyond which it is another optimum and not taken
     anyhow: whether it is taken even if it is no better
@@ -84,8 +84,9 @@ class Attempt:
 
 
 RESOLVED = Attempt(
-    "costates may change within an interval where states hardly do, as where gears begin to turn: first, for it takes a second",
-    "verified, but not certified: refining where costates are not resolved",
+    "costates and torques may change within an interval where states hardly do, as where gears turn round or a bus sags most: first, "
+    "for it takes seconds",
+    "verified, but not certified: refining where costates or torques are not resolved",
     verified=True, ended=MET, costates=True,
 )  # fmt: skip
 FURTHER = Attempt(

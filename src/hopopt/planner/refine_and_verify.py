@@ -24,7 +24,7 @@ from hopopt.planner.stopwatch import Stopwatch
 from hopopt.verify.check import LIMIT
 
 Refined = Refinement | Resolved
-COSTATE_ROUNDS = 3  # of cutting intervals where costates are not resolved
+COSTATE_ROUNDS = 3  # of cutting intervals where costates or torques are not resolved
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def refine_and_verify(
 
 
 def with_costates(refinement: Refinement) -> Refinement:
-    """A refinement with more intervals where costates alone are not resolved; the same one if that does not help."""
+    """A refinement with more intervals where costates or torques alone are not resolved; the same one if that does not help."""
     for _ in range(COSTATE_ROUNDS):  # layers of a few milliseconds are narrower than the pieces of the first
         pieces = unresolved(certify(refinement.solution))
         finer = refinement.on_pieces(pieces) if pieces else None
