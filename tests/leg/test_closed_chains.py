@@ -9,7 +9,7 @@ import pytest
 from tests.once import solved_once
 
 from hopopt.control.closed_loop import make_plant
-from hopopt.drivetrain.transmission import side_links
+from hopopt.drivetrain.linkages.five_bar import side_links
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.files.export import to_mjcf
@@ -24,6 +24,9 @@ PARALLEL = {"crank": 0.06, "rod": THIGH, "arm": 0.06, "ahead": False}
 BEHIND = {"crank": 0.08, "rod": 0.38, "arm": 0.06, "turned": -0.4, "pivot_x": -0.03, "pivot_z": -0.02, "ahead": False}
 ACROSS = {"crank": 0.08, "rod": 0.38, "arm": 0.06, "turned": 2.7, "pivot_x": 0.03, "pivot_z": -0.02, "ahead": True}
 HEAVY = {"crank_mass": 0.3, "rod_mass": 0.5, "rod_com": 0.1, "crank_inertia": 2e-3}
+MASSES = {"crank_mass": 0.1, "rod_mass": 0.2}
+KNEE = {"crank": 0.05, "rod": 0.3, "arm": 0.05, "turned": -0.3, "ahead": False} | MASSES
+ANKLE = {"crank": 0.05, "rod": 0.28, "arm": 0.05, "turned": 0.6, "pivot_x": 0.002, "pivot_z": 0.001} | MASSES
 ROOM = {
     "leg.knee.lower": -2.0, "leg.knee.upper": -0.6, "leg.hip.lower": -0.2, "leg.hip.upper": 1.1, "start.hip_height": 0.45,
 }  # fmt: skip
@@ -36,7 +39,7 @@ def robot_with(five_bar: dict[str, Any], **more: Any) -> Robot:
 
 def planned(robot: Robot, contact: bool, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> list[np.ndarray]:
     """q, v, a of the whole leg, joint torques, contact force, places of all points and of the centre of mass, by the planner."""
-    symbols, still = [ca.SX.sym(name, 2) for name in "qva"], ca.SX.zeros(BASE)
+    symbols, still = [ca.SX.sym(name, len(q)) for name in "qva"], ca.SX.zeros(BASE)
     dynamics = LegDynamics(robot, robot.parameters)
     m = dynamics.stance(*symbols) if contact else dynamics.flight(still, still, *symbols)
     points = dynamics.points(m.q)
@@ -65,12 +68,17 @@ def test_without_masses_it_is_a_belt_or_a_four_bar_whose_motor_sits_on_the_body(
     assert robot.drive_speeds(Q, V) == pytest.approx(plain.drive_speeds(Q, V), rel=1e-10)
 
 
-@pytest.mark.parametrize("five_bar", [BEHIND, ACROSS])
+@pytest.mark.parametrize("legs", ["behind", "across", "knee and ankle"])
 @pytest.mark.parametrize("contact", [True, False])
-def test_planner_and_pinocchio_agree(five_bar: dict[str, Any], contact: bool) -> None:
-    robot = robot_with(five_bar | HEAVY)
+def test_planner_and_pinocchio_agree(legs: str, contact: bool) -> None:
+    if legs == "knee and ankle":  # whose crank sits on the thigh
+        robot = build_robot(load("three_joint", {FIVE_BAR: KNEE, "leg.ankle.transmission.five_bar": ANKLE}).leg)
+        joints = np.r_[Q[2:], 0.9], np.r_[V[2:], 1.0], np.r_[A[2:], 20.0]
+    else:
+        robot = robot_with((BEHIND if legs == "behind" else ACROSS) | HEAVY)
+        joints = Q[2:], V[2:], A[2:]
     machine = Machine(robot)
-    q, v, a, tau, f, places = planned(robot, contact, Q[2:], V[2:], A[2:])
+    q, v, a, tau, f, places = planned(robot, contact, *joints)
     asked = np.r_[0.0, 0.0, tau] + machine.foot_jacobian(q).T @ f
     assert machine.inverse_dynamics(q, v, a) == pytest.approx(asked, rel=1e-9, abs=1e-9)
     assert machine.acceleration(q, v, tau, contact) == pytest.approx(a, rel=1e-9, abs=1e-9)

@@ -10,7 +10,6 @@ Where every drive turns as its joint does, J is the unit matrix. A law is a func
 derives from it is found by CasADi. Laws of linkages: plane geometry by the law of cosines, as in Norton, Design of Machinery.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,8 +19,9 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
-from hopopt.design import Leg, unit
+from hopopt.design import Leg
 from hopopt.design.drives.transmission import Transmission
+from hopopt.drivetrain.linkages.five_bar import forward, in_plane, side_links
 
 Law = Callable[[Transmission, Callable[[str], Any], Any], Any]  # of a joint's table, its parameters, its angle [rad]
 
@@ -71,64 +71,6 @@ LAWS: dict[str, Law] = {"linear": linear, "rod": rod, "four_bar": four_bar, "tab
 PLACES = 513
 
 
-@dataclass(frozen=True)
-class SideLinks:
-    """A five-bar's crank and rod, in the frame of what carries the crank: of the link two before the joint, or of the body.
-
-    pivot, crank_end, arm_end: x and z (2) [m] from that frame's origin. angle: the crank's, forward from the x axis [rad]
-    """
-
-    pivot: tuple[Any, Any]
-    crank_end: tuple[Any, Any]
-    arm_end: tuple[Any, Any]
-    angle: Any
-
-
-def side_links(leg: Leg, joint: str, p: Mapping[str, Any], q: Any) -> SideLinks:
-    """Where the chain of a joint's five-bar closes at joint angles q (n) [rad]: by the law of cosines on the chosen side."""
-    between, k = leg.joint[joint].transmission, leg.joints.index(joint)
-    assert between is not None
-    assert between.five_bar is not None
-    path = f"leg.{joint}.transmission.five_bar"
-    crank, rod, arm, *pivot = (p[f"{path}.{name}"] for name in ("crank", "rod", "arm", "pivot_x", "pivot_z"))
-    first, second = (forward(leg, i) * q[i] for i in (k - 1, k))
-    (along, heading), (_, onward) = (_in_plane(leg, i) for i in (k - 1, k))
-    line = first + heading  # of the link before the joint
-    bend = second + onward + p[f"{path}.turned"] - heading
-    back = _turned(pivot, -line)  # all in a frame along that link: its atan2 has no jump while the arm is shorter
-    x = p[f"leg.{leg.links[k - 1]}.length"] * along + arm * ca.cos(bend) - back[0]
-    z = arm * ca.sin(bend) - back[1]
-    share = (crank**2 + x**2 + z**2 - rod**2) / (2 * crank * ca.sqrt(x**2 + z**2))
-    angle = line + ca.atan2(z, x) + (1 if between.five_bar.ahead else -1) * ca.acos(share)
-    crank_end, arm_end = (
-        (pivot[0] + x, pivot[1] + z) for x, z in (_turned((crank, 0.0), angle), _turned((x, z), line))
-    )
-    return SideLinks((pivot[0], pivot[1]), crank_end, arm_end, angle)
-
-
-def forward(leg: Leg, k: int) -> float:
-    """1 where a positive angle of joint ``k`` of a planar leg swings forward, else -1."""
-    return -unit(leg.joint[leg.joints[k]].axis)[1]
-
-
-def heading(leg: Leg, k: int, turned: Any, length: Any) -> tuple[Any, ...]:
-    """A vector of a length [m], turned forward [rad] from the direction of link ``k``, in that link's frame (x, y, z)."""
-    x, z = _turned((length, 0.0), _in_plane(leg, k)[1] + turned)
-    return x, 0.0, z
-
-
-def _in_plane(leg: Leg, k: int) -> tuple[float, float]:
-    """Share of a link's length that lies in the leg's plane, and its angle there, forward from the x axis, all joints at zero."""
-    x, _, z = unit(leg.link[leg.links[k]].direction)
-    return math.hypot(x, z), math.atan2(z, x)
-
-
-def _turned(vector: Any, angle: Any) -> tuple[Any, Any]:
-    """A vector (x, z) turned forward."""
-    c, s = ca.cos(angle), ca.sin(angle)
-    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
-
-
 def drive_angle(leg: Leg, joint: str, p: Mapping[str, Any], q: Any) -> Any:
     """How far the drive of a joint turns [rad] by the angle q [rad] of this joint alone."""
     between = leg.joint[joint].transmission
@@ -151,7 +93,7 @@ def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
     found = [drive_angle(leg, joint, p, q[k]) for k, joint in enumerate(leg.joints)]
     for joint in leg.five_bars:  # as its joint counts, from where the crank lies along the link behind it
         k = leg.joints.index(joint)
-        found[k] = forward(leg, k) * (side_links(leg, joint, p, q).angle - _in_plane(leg, k)[1])
+        found[k] = forward(leg, k) * (side_links(leg, joint, p, q).angle - in_plane(leg, k)[1])
     for k, other, ratio in couplings(leg, p):
         found[k] += ratio * q[other]
     return ca.vertcat(*found)

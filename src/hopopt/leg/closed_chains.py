@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from hopopt.design import Leg, physical_parameters
 from hopopt.design.fields import FORWARD
-from hopopt.drivetrain.transmission import heading, side_links
+from hopopt.drivetrain.linkages.five_bar import crank_pivot, heading, side, side_links
 from hopopt.leg.kinematics import joint_frames
 
 GUIDES = 2  # coordinates of the body, before the joints'
@@ -164,10 +164,9 @@ class ClosedChains:
 
     def _add(self, leg: Leg, joint: str, p: Mapping[str, float], moved: int, arm: tuple[Any, ...]) -> None:
         """Crank and rod of one five-bar, along x at zero, and frames at the ends that meet."""
-        path, between = f"leg.{joint}.transmission.five_bar", leg.joint[joint].transmission
-        assert between is not None
-        assert between.five_bar is not None
-        pivot, last = np.array([p[f"{path}.pivot_x"], 0.0, p[f"{path}.pivot_z"]]), carrier_of(leg, joint)
+        path = f"leg.{joint}.transmission.five_bar"
+        x, z = crank_pivot(leg, joint, p)
+        pivot, last = np.array([x, 0.0, z]), carrier_of(leg, joint)
         place = pivot
         for part in PARTS:
             length, mass, com, inertia = _weighs(p, joint, part)
@@ -181,8 +180,8 @@ class ClosedChains:
         offset = np.array(arm, dtype=float)
         for name, index, at in (("rod's end", last, place), ("arm's end", moved, offset)):
             self.model.addFrame(pin.Frame(f"{joint} {name}", index, pin.SE3(np.eye(3), at), pin.FrameType.OP_FRAME))
-        lengths, side = (p[f"{path}.crank"], p[f"{path}.rod"]), 1 if between.five_bar.ahead else -1
-        self.loops.append(_Loop(joint, carrier_of(leg, joint), pivot, moved, offset, *lengths, side))
+        lengths = p[f"{path}.crank"], p[f"{path}.rod"]
+        self.loops.append(_Loop(joint, carrier_of(leg, joint), pivot, moved, offset, *lengths, side(leg, joint)))
 
     def whole(self, q: np.ndarray) -> np.ndarray:
         """All angles of the tree at q (2 + n), where its chains close; ValueError where one cannot."""

@@ -29,8 +29,9 @@ from typing import Any
 
 import casadi as ca
 
+from hopopt.drivetrain.linkages.five_bar import forward
 from hopopt.drivetrain.springs import Springs
-from hopopt.drivetrain.transmission import forward, turned
+from hopopt.drivetrain.transmission import turned
 from hopopt.leg.closed_chains import SideBody, crank_points, side_bodies
 from hopopt.leg.kinematics import PLANE, contact_axes, loop_axes
 from hopopt.leg.rigid_body import Frames, com_position, frames, point_position, rnea
