@@ -161,8 +161,10 @@ def row(name: str, found: dict[str, Any]) -> str:
 def words(found: dict[str, dict[str, Any]]) -> Iterator[str]:
     """What each file lacks, or why its leg is not solved."""
     for name, one in found.items():
-        late = [f"Not verified: {', '.join(one['failed_checks'])}."] if one.get("verified") is False else []
-        if said := [*one["lacks"], *([one["fault"]] if "fault" in one else []), *late]:
+        failed = (
+            [f"Not verified: {', '.join(one['failed_checks'])}.", *one["notes"]] if one.get("verified") is False else []
+        )
+        if said := [*one["lacks"], *([one["fault"]] if "fault" in one else []), *failed]:
             yield f"- {name}: {' '.join(said)}"
 
 

@@ -166,6 +166,26 @@ def test_what_plays_no_part_and_what_is_in_the_way_of_nothing_is_said(
     assert any(note.startswith("the foot ends 0.10 m above the hip") for note in noted)
 
 
+def test_a_hop_that_waits_and_is_not_verified_says_which_entry_to_try(one_push: Solution) -> None:
+    """It may wait for as long as hop.stance_duration allows, or is given no choice."""
+    hop, lasted = Hop(load("paper", ONE_PUSH)), one_push.lift_off
+    assert not any("stance lasts" in note for note in one_push.summary.notes)
+    failed = replace(one_push.summary.leans_on, stance_at_its_limit="longest")
+    waits = one_push.with_summary(verified=False, leans_on=failed)
+
+    def said(stance: tuple[float, float]) -> list[str]:
+        design = load("paper", {**ONE_PUSH, "hop.stance_duration": list(stance)})
+        return [
+            note
+            for note in notes_on(hop, hop.design, False, replace(waits, design=design), None)
+            if "stance lasts" in note
+        ]
+
+    (note,) = said((0.03, lasted))
+    assert note.endswith(f"such as hop.stance_duration = [0.03, {2 / 3 * lasted:.2g}]")
+    assert not said((lasted, lasted))
+
+
 def test_what_is_no_problem_is_a_sentence() -> None:
     with pytest.raises(UsageError, match="a problem is needed, not 3: give its name or file"):
         solve(cast("Any", 3))

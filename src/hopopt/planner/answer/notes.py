@@ -25,6 +25,7 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
             f"with solver.tie_break = {asked.solver.tie_break:g} torques that hardly matter may chatter, and the hop was not verified: "
             f"this is the hop with {hop.design.solver.tie_break:g}"
         )
+    notes += _waiting(best)
     if better is not None:
         value = f"{better.summary.objective_value:.4f} {goal.unit}, {'higher' if goal.sign > 0 else 'lower'}"
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
@@ -45,6 +46,17 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
             f"(a smaller solver.tie_break than {best.design.solver.tie_break:g} tells, and takes longer)"
         )
     return notes
+
+
+def _waiting(best: Solution) -> list[str]:
+    """What to try where a hop that is not verified stays on the ground for as long as it may."""
+    shortest, longest = best.design.hop.stance_duration
+    if best.verified or best.summary.leans_on.stance_at_its_limit != "longest" or shortest == longest:
+        return []
+    return [
+        f"stance lasts the {longest:.3g} s that hop.stance_duration allows: where waiting gains little, many hops are equally good and "
+        f"refinement may not end; try a shorter one, such as hop.stance_duration = [{shortest:.2g}, {2 / 3 * longest:.2g}]"
+    ]
 
 
 def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
