@@ -446,6 +446,16 @@ def test_bounds_that_are_none(text: str) -> None:
         parse_free([text])
 
 
+def test_a_linkage_is_looked_at_between_its_bounds_too() -> None:
+    """A full turn of a parallelogram's arm: one linkage at both bounds, and dead points between."""
+    four_bar = {"ground": 0.38, "crank": 0.05, "rod": 0.38, "arm": 0.05, "stretched": 0.28, "ahead": False}
+    path = "leg.knee.transmission.four_bar"
+    design, entry = ho.load("paper", {path: four_bar}), f"{path}.stretched"
+    with pytest.raises(UsageError, match=rf"--free: {entry} = -[0-9.]+: {path} has a dead point"):
+        codesign.checked(design, {entry: (0.28 - 2 * np.pi, 0.28)})
+    codesign.checked(design, {entry: (0.2, 0.28)})
+
+
 @pytest.mark.parametrize(
     ("free", "couple", "words"),
     [

@@ -6,6 +6,7 @@ must reach the same objective.
 """
 
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -55,6 +56,10 @@ from hopopt.studies.codesign_kinks import between
 from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, laws, meets
 
 AT_BOUND = 1e-6  # share of its range within which a parameter sits on a bound
+LOOKS = 9  # values of its range at which a linkage's entry is looked at, its bounds among them
+LINKAGE = re.compile(
+    r"leg(\.\S+\.transmission\S*)? (cannot close|has a dead point|has drives)"
+)  # what fails by an entry
 
 
 def codesign(
@@ -251,7 +256,7 @@ def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Seq
             raise UsageError(f"--free {entry}: its bounds {low:g} and {high:g} leave it no room")
         if entry.endswith(".length") and has_shape(design.leg):
             raise UsageError(f"--free {entry}: shapes do not follow a free length: sweep it, or leave the shapes out")
-        for value in (low, high):
+        for value in _looked_at(design.leg, entry, low, high):
             _possible(design, entry, value)
         _holds_com(entry, low, bounds, known)
     couplings = tuple(
@@ -265,13 +270,20 @@ def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Seq
     return FreeParameters(dict(free), couplings)
 
 
+def _looked_at(leg: Leg, entry: str, low: float, high: float) -> list[float]:
+    """Values of an entry at which the leg must be possible: its bounds, and between them too where linkages depend on it."""
+    linked = ".transmission." in entry or (leg.five_bars and entry.endswith(".length"))
+    return np.linspace(low, high, LOOKS if linked else 2).tolist()
+
+
 def _possible(design: Design, entry: str, value: float) -> None:
-    """That a bound is a value the entry may have; whether the leg can start so is left to the optimum."""
+    """That a value is one the entry may have, and no linkage fails by it; whether the leg can start so is left to the optimum."""
     try:
         changed(design, {entry: value})
     except ProblemFileError as error:
-        wrong = [s.removeprefix("override ") for s in error.problems if s.startswith(f"override {entry} ")]
-        if wrong:
+        words = [s.removeprefix("override ").removeprefix(f"{design.name}: ") for s in error.problems]
+        own = [s for s in words if s.startswith(f"{entry} ")]
+        if wrong := own or [f"{entry} = {value:.4g}: {s}" for s in words if LINKAGE.match(s)]:
             raise UsageError(f"--free: {wrong[0]}") from None
 
 
