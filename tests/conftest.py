@@ -64,13 +64,15 @@ def nothing_compiled() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def compared_once() -> Iterator[None]:
-    """What stands beside an answer, the same strategies on the same leg in many tests, is simulated once in a run."""
-    from once import simulated_once
+def made_once() -> Iterator[None]:
+    """What stands beside an answer, the same strategies on the same leg in many tests, is simulated once in a run; files of
+    equal content are made once."""
+    from once import file_once, simulated_once
 
     with pytest.MonkeyPatch.context() as patch:
         for user in ("compare", "paper_control"):
             patch.setattr(f"hopopt.comparison.{user}.simulate", simulated_once)
+        patch.setattr("hopopt.storage.solution.to_bytes", file_once)
         yield
 
 

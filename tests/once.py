@@ -15,6 +15,7 @@ from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from hopopt.storage.netcdf import Group, to_bytes
 
 FOLDER = "HOPOPT_TESTS_ONCE"  # environment variable: the folder of this run, which conftest.py makes and removes
 T = TypeVar("T")
@@ -51,3 +52,8 @@ def simulated_once(design: Design, strategy: Strategy, **more: Any) -> Run:
         return simulate(design, strategy, **more)
     given = sha256(pickle.dumps(sorted(more.items()))).hexdigest()
     return once(f"{strategy.name} {design.model_dump_json()} {given}", lambda: simulate(design, strategy, **more))
+
+
+def file_once(groups: Mapping[str, Group]) -> bytes:
+    """A result's file, as ``to_bytes`` makes it: 0.3 s of each of many tests that store the same hop."""
+    return once(f"file {sha256(pickle.dumps(groups)).hexdigest()}", lambda: to_bytes(groups))

@@ -13,8 +13,8 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.version import Version
 
-import hopopt as ho
 from hopopt.cli.setup.versions import PYTHON, TESTED
+from hopopt.planner.solution import Solution
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -82,13 +82,15 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_wheel_alone_does_the_main_job_in_an_empty_folder(alone: Path, tmp_path: Path) -> None:
-    """Solve, page and exit codes; the paper's leg clears what it clears from this source."""
+def test_the_wheel_alone_does_the_main_job_in_an_empty_folder(alone: Path, tmp_path: Path, hop: Solution) -> None:
+    """Solve, page and exit codes; the paper's leg clears what it clears from this source. .ci/run simulates from a wheel."""
     empty = tmp_path / "an empty folder"
     empty.mkdir()
-    solved = json.loads(done(alone, "solve", "--objective", "clearance", "--starts", "1", "--json", cwd=empty).stdout)
+    solved = json.loads(
+        done(alone, "solve", "--objective", "clearance", "--starts", "1", "--no-control", "--json", cwd=empty).stdout
+    )
     assert solved["verified"]
-    assert solved["clearance_m"] == pytest.approx(ho.solve("paper", starts=1, processes=1).clearance, rel=1e-4)
+    assert solved["clearance_m"] == pytest.approx(hop.clearance, rel=1e-4)
     result = solved["result_dir"]
     assert {path.name for path in (empty / result).iterdir()} >= {
         "solution.nc",

@@ -322,8 +322,9 @@ def test_the_answer_in_the_readme(solved: tuple[dict, Path], capsys: pytest.Capt
 
 @pytest.mark.slow
 def test_readme_commands(tmp_path: Path) -> None:
+    """With one start: .ci/run searches, by the README's main command."""
     for line in readme_block("sh", "hopopt new").splitlines():
-        command = line.split("#")[0].split()
+        command = [*line.split("#")[0].split(), *(ONE_START if "solve" in line else [])]
         if command[2].startswith("results/"):
             command[2] = str(next(p for p in (tmp_path / "results").iterdir() if p.name.startswith("my_leg")))
         done = said(*command[1:], cwd=tmp_path)

@@ -393,12 +393,12 @@ def test_the_command_prints_one_object(
     monkeypatch.setattr("hopopt.comparison.robust.robust.TUNING_DRAWS", 4)
     arguments = ["--set", "contact.friction=0.6", "--set", "hop.stance_duration=[0.03, 0.2]"]
     arguments += ["--set", "solver.stance_intervals=20", "--set", "simulation.control_rate=1000"]
-    budget = ["--share", "0.8", "--confidence", "0.8", "--draws", "12", "--evaluations", "2", "--starts", "1"]
+    budget = ["--share", "0.8", "--confidence", "0.8", "--draws", "8", "--evaluations", "1", "--starts", "1"]
     assert run(["robust", "paper", *arguments, *budget, "--json", "--results", str(tmp_path)]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["fell"] == 0
     assert found["pd"]["force_tuck"] < found["clearance_m"] < found["bound_m"] <= found["ideal_bound_m"]
-    assert (found["draws"], found["share"], found["confidence"]) == (12, 0.8, 0.8)
+    assert (found["draws"], found["share"], found["confidence"]) == (8, 0.8, 0.8)
     assert found["reserve"]["torque"] >= 0
     assert found["tracker"] == TRACKER
     assert found["lowest_by_way_m"][found["way"]] == max(x for x in found["lowest_by_way_m"].values() if x is not None)

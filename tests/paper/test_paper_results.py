@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from hopopt.cli.main import run
-from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.leg.robot import BASE
 from hopopt.paper.paper_results import NEAR_PRINTED, paper_results
 from hopopt.paper.stiffness import mean_stiffness, secant_stiffness
 from hopopt.problem.load import load
+from once import simulated_once
 
 DOCS = Path(__file__).parents[2] / "docs" / "paper.md"
 
@@ -20,7 +20,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "paper.md"
 @pytest.fixture(scope="module")
 def hops():
     design = load("paper")
-    return [simulate(design, find(name)).figures for name in ("force", "position_soft")]
+    return [simulated_once(design, find(name)).figures for name in ("force", "position_soft")]
 
 
 @pytest.mark.rarely
@@ -32,7 +32,8 @@ def test_the_table_of_the_docs_is_what_the_command_prints(capsys):
 
 
 @pytest.mark.slow
-def test_for_a_script(capsys):
+def test_for_a_script(capsys, monkeypatch):
+    monkeypatch.setattr("hopopt.cli.paper.reproduce.simulate", simulated_once)
     assert run(["reproduce", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert {len(rows) for rows in data["figures"].values()} == {14}

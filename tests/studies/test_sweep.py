@@ -20,7 +20,7 @@ from command_line import said
 from hopopt.errors import SolverError
 from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.studies.sweep import point as sweep_point
-from hopopt.studies.sweep.definition import define
+from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.first_program import kinds, with_others
 from hopopt.studies.sweep.point import Neighbour, solve_again, solve_point
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED
@@ -220,14 +220,22 @@ def test_wrong_use_exits_with_2_and_a_sentence(tmp_path: Path, arguments: list[s
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
-def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Made to say that it ended lower than it did: from its neighbours the optimum is found again, and refined once."""
+@pytest.fixture(scope="module")
+def two_points() -> tuple[Definition, Neighbour]:
+    """Of a study of two points, and the first one's hop."""
     definition = define(ho.load("paper", [SHORT, "solver.tolerance=1e-4"]), {"leg.gear.ratio": [115, 118]}, starts=1)
     first, begin = solve_point(definition, 0, [])
-    source = Neighbour(0, 0, begin)
-    second, own = solve_point(definition, 1, [source])
     assert first.verified
+    return definition, Neighbour(0, 0, begin)
+
+
+@pytest.mark.slow
+def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(
+    two_points: tuple[Definition, Neighbour], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Made to say that it ended lower than it did: from its neighbours the optimum is found again, and refined once."""
+    definition, source = two_points
+    second, own = solve_point(definition, 1, [source])
     assert second.verified
     same, nothing = solve_again(definition, second, own, [source], 1)
     assert second.tried == ((0, 0),)
@@ -238,7 +246,7 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypa
     monkeypatch.setattr(
         sweep_point, "refine_and_verify", lambda *given, **more: refined.append(given[1].name) or refine(*given, **more)
     )
-    both = [source, Neighbour(2, 0, begin)]
+    both = [source, Neighbour(2, 0, source.begin)]
     again, found = solve_again(definition, lower, {**own, "objective": np.array(0.5)}, both, 1)
     assert refined == ["point 0"]
     assert again.corrected
@@ -264,12 +272,13 @@ def test_an_unsearched_point_follows_each_kind_that_its_neighbour_hands_on() -> 
 
 
 @pytest.mark.slow
-def test_a_neighbour_that_stops_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_neighbour_that_stops_leaves_the_others(
+    two_points: tuple[Definition, Neighbour], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Planted: the first refinement stops; the other neighbour, or else the starts, lead to the point's hop."""
-    definition = define(ho.load("paper", [SHORT]), {"leg.gear.ratio": [115, 118]}, starts=1)
-    _, begin = solve_point(definition, 0, [])
-    source, refine = Neighbour(0, 0, begin), refine_and_verify
-    for sources, led in (([source, Neighbour(2, 0, begin)], 2), ([source], None)):
+    definition, source = two_points
+    refine = refine_and_verify
+    for sources, led in (([source, Neighbour(2, 0, source.begin)], 2), ([source], None)):
         calls = iter([True, False, False])
         monkeypatch.setattr(
             sweep_point,

@@ -108,15 +108,6 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
 
 
 @kernel
-def torques(
-    leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Torques (n) [N m] of motors and joints, and the force (x, z) [N] on the foot."""
-    _, c, G, _, _, motor, tau = loads(leg, mode, q, v, command)
-    return motor, tau, np.array(contact_force(mode, leg.mu, c, G))
-
-
-@kernel
 def rates(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations (n + 2), and powers (4) [W]: of motors, lost in gears, into stops, lost in friction at the foot."""
     X, c, G, velocity, power, _, _ = loads(leg, mode, q, v, command)
@@ -205,7 +196,10 @@ def margin(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarra
         for k in range(n + 2):
             along += J[0, k] * v[k]
         found = min(found, mode * along)
-    return min(found, holds(leg, mode, q, v, command))
+    _, c, G, _, _, _, _ = loads(
+        leg, mode, q, v, command
+    )  # not by ``holds``: each function that has them takes two seconds to compile
+    return min(found, held(leg, mode, c, G))
 
 
 @kernel
@@ -236,7 +230,8 @@ def advance(
 def noted_step(
     legs: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray, work: np.ndarray, command: np.ndarray, h: float
 ) -> tuple[Any, ...]:
-    """Whether the ground holds the mode, then ``advance`` if it does, and the ``torques`` here; legs: a leg as ``argument``."""
+    """Whether the ground holds the mode, then ``advance`` if it does; here, torques (n) [N m] of motors and
+    joints and the force (x, z) [N] on the foot. legs: a leg as ``argument``."""
     leg = legs[0]
     _, c, G, _, _, motor, tau = loads(leg, mode, q, v, command)
     force, stays, lasted, ended = np.array(contact_force(mode, leg.mu, c, G)), held(leg, mode, c, G) >= 0, 0.0, False
@@ -246,15 +241,14 @@ def noted_step(
 
 
 @kernel
-def at_rest(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> int:
-    """The mode into which a foot goes that rests on the ground."""
-    _, c, G, _, _, _, _ = loads(leg, STICK, q, v, command)
-    fx, fz = contact_force(STICK, leg.mu, c, G)
-    if grips(leg.mu, fx, fz, G) >= 0:
+def at_rest(mu: float, c: np.ndarray, G: np.ndarray) -> int:
+    """The mode into which a foot goes that rests on the ground, by what ``loads`` says of it where it sticks."""
+    fx, fz = contact_force(STICK, mu, c, G)
+    if grips(mu, fx, fz, G) >= 0:
         return STICK
-    if leg.mu == np.inf:
+    if mu == np.inf:
         return FLIGHT
-    return slip_direction(BACKWARD if fx > 0 else FORWARD, leg.mu, c, G)[0]
+    return slip_direction(BACKWARD if fx > 0 else FORWARD, mu, c, G)[0]
 
 
 @kernel
@@ -293,7 +287,8 @@ def changed(
         return q, v, now, LANDS, lost  # if the ground cannot hold it so, that is a change of its own
     what = STAYS
     if mode == STICK or mode * velocity[0] <= RESTS:
-        now = at_rest(leg, q, v, command)
+        _, stuck_c, stuck_G, _, _, _, _ = loads(leg, STICK, q, v, command)
+        now = at_rest(leg.mu, stuck_c, stuck_G)
     elif c[1] > 0:
         now = FLIGHT
     elif slipping(mode, leg.mu, c, G)[1] > 0:

@@ -62,7 +62,8 @@ class RoughGround(Plant):
 
     def torques(self, s: State, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What a command (n) leads to: torques (n) [N m] of the motors and of the joints, contact force (x, z) [N]."""
-        return contact.torques(self.leg, _mode(s), s.q, s.v, command)
+        *_, motor, tau, force = contact.noted_step(self._legs, _mode(s), s.foot, s.q, s.v, s.work, command, 0.0)
+        return motor, tau, force
 
     def noted_step(self, s: State, torque: Torque, h: float, writer: TraceWriter) -> tuple[State, bool, bool]:
         """As ``Plant.noted_step``, in one call of a compiled function."""
