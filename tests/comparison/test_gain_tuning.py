@@ -18,7 +18,7 @@ from hopopt.comparison.gain_tuning import (
     tuned_nearby,
 )
 from hopopt.control.closed_loop import simulate
-from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.paper_options import PaperOptions
 from hopopt.control.strategies import BUILT_IN
 from hopopt.errors import UsageError
 from hopopt.problem.load import load

@@ -1,12 +1,19 @@
 """Legs drawn up in flight: what is expected at lift-off is what the plant then shows, within every limit."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from hopopt.control.closed_loop import Run, make_controller, simulate
-from hopopt.control.draw_up import LiftOff
+from hopopt.control.flight.braking import BRAKING, SPARED, Braking
+from hopopt.control.flight.draw_up import LiftOff
 from hopopt.control.paper_pd import PaperStrategy
+from hopopt.control.setting import Setting
 from hopopt.control.strategies import find
+from hopopt.errors import ProblemFileError
+from hopopt.leg.robot import BASE
 from hopopt.problem.load import load
 
 QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0, "simulation.speed_window": 1}
@@ -60,3 +67,48 @@ def test_the_servo_asks_no_drive_for_more_than_braking_allows() -> None:
     pose = np.array([0.5, -1.5])
     assert drawing.torque(pose - 0.2, np.zeros(2), pose)[0] > 0
     assert drawing.torque(pose - [0.01, 0.0], np.array([10.0, 0.0]), pose)[0] < 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["go1", "go2"])
+def test_a_knee_with_little_room_is_braked_before_its_end_stop(name: str, tmp_path: Path) -> None:
+    """Public legs whose knee turns at 15 to 17 rad/s, 0.16 rad before its limit, as the foot leaves; speeds are measured late."""
+    file = tmp_path / f"{name}.toml"
+    file.write_text(
+        f'name = "{name}"\n[leg]\nurdf = "example-robot-data/{name}_description/urdf/{name}.urdf"\nbody.legs = 4\n'
+        'joints = ["FL_thigh_joint", "FL_calf_joint"]\nfoot_frame = "FL_foot"\n'
+        "[start]\njoint_angles = [0.8, -1.6]\n[contact]\nfriction = 0.7\n"
+    )
+    try:
+        design = load(file)
+    except ProblemFileError:
+        pytest.skip("example-robot-data is not installed")
+    found, plain = (simulate(design, find(s), past_apex=True).figures for s in ("force_tuck", "force"))
+    assert found.limits_exceeded == []
+    assert found.cut_short == ""
+    assert found.clearance > 1.5 * plain.clearance
+
+
+def test_ways_to_rest_are_those_of_an_integrated_brake() -> None:
+    """A knee that its drive brakes with all it has, integrated by SciPy; its inertia that of the mass matrix."""
+    setting = Setting(load("go2_leg"), 1e-9)
+    stretched = np.array([0.4, -0.85])
+    inertia = setting.machine().mass_matrix(np.concatenate([np.zeros(BASE), stretched]))[-1, -1]
+    drive, speed, free = setting.drive(), 9.0, 0.7
+
+    def braked(t: float, x: np.ndarray) -> np.ndarray:
+        return np.array([x[1], drive.clamp(np.array([0.0, x[1]]), np.array([0.0, -1e9]))[1] / inertia])
+
+    def stands(t: float, x: np.ndarray) -> float:
+        return x[1]
+
+    stands.terminal = True  # type: ignore[attr-defined]
+    way = solve_ivp(braked, (0.0, 1.0), [0.0, speed], events=stands, rtol=1e-9, atol=1e-12).y[0, -1]
+    braking = Braking(setting, stretched)
+    q = np.array([0.4, braking.upper[1] - free])
+    spared = SPARED * (braking.upper - braking.lower)[1]
+    assert braking.rests_at(q, np.array([0.0, speed]))[1] == pytest.approx(
+        free - spared - way / BRAKING, abs=0.01 * way
+    )
+    assert np.isinf(braking.rests_at(q, np.zeros(2))).all()
+    assert braking.too_fast(braking.upper - 0.01, np.array([0.0, speed]))

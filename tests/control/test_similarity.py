@@ -9,7 +9,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from hopopt.control.closed_loop import make_controller, simulate
-from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.paper_options import PaperOptions
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.similarity import Size, factors, similar_height

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.paper_options import PaperOptions
 from hopopt.control.two_mass import PAPER
 from hopopt.design import Design
 from hopopt.drivetrain.motor import rated

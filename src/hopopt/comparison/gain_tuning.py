@@ -20,7 +20,7 @@ from scipy.stats import qmc
 
 from hopopt.amounts import check
 from hopopt.control.closed_loop import make_controller, simulate
-from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.paper_options import PaperOptions
 from hopopt.control.similarity import Size, factors
 from hopopt.control.strategies import BEST, BUILT_IN
 from hopopt.design import Design, refuse_landed

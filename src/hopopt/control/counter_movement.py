@@ -5,16 +5,14 @@ longer, and so the same drives give more work. How deep is chosen on the believe
 several depths are computed along the plumb line, with the same law and the same clamp. Of the optimum nothing is known here.
 """
 
-from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hopopt.control.draw_up import BRAKING, MARGIN, LiftOff
+from hopopt.control.flight.draw_up import MARGIN, LiftOff
 from hopopt.control.paper_pd import Force
 from hopopt.control.setting import Setting
-from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
 from hopopt.errors import UsageError
 from hopopt.leg.geometry.above import points_above_ground
 from hopopt.leg.kinematics import foot_offset
@@ -32,9 +30,7 @@ STEP = 2e-3  # [s] on the paper's leg, of a computed push
 IN_TIME = 0.95  # share of the longest stance, within which a computed push ends
 LIGHT = 2.0  # [N] on the paper's leg, below which the ground's force counts as gone: speeds are measured late
 LAST = 1e-3  # share of the leg's reach that a computed push ends below the stretched leg
-SPARED = 0.01  # share of a joint's range before its limit, within which it is to have come to rest
 GRIP = 0.9  # share of the friction cone within which the ground's force is kept, on ideal ground of that of friction 1
-SPEEDS = np.linspace(0.0, 0.99, 100)  # shares of the no-load speed at which ways to rest are computed
 
 
 @dataclass(frozen=True)
@@ -59,65 +55,32 @@ class Movement:
 class CounterMovement(Force):
     """Down as ``movement`` says, then the paper's force control towards the stretched leg."""
 
+    at_once = True
+
     def __init__(self, setting: Setting, **gains: Any):
         """gains: options on the paper's leg in place of the printed ones. UsageError where the problem allows no counter-movement."""
         super().__init__(setting, **gains)
         if not setting.design.hop.counter_movement:
             raise UsageError("hop.counter_movement is false: simulate force_tuck, or leave that entry out")
         self.design, self.pace = setting.design, STEP * Scale.of(self.leg).time
-        self.stretched = self.angles(np.inf)
-        self.period = setting.period
         self.watched = points_above_ground(setting.design)
         self.light, self.weight = LIGHT * Scale.of(self.leg).force, weight(setting.robot.model)
         self.grip = GRIP * (1.0 if self.design.contact.friction is None else self.design.contact.friction)
-        window = self.design.simulation.speed_window if self.design.simulation.encoder_bits else 0
-        self.catching_up = setting.period * (np.arange(window) + 0.5) / max(window, 1)
-        self.rates = deque([np.zeros(2)] * window, maxlen=window)  # of the joints in the last periods [rad/s^2]
-        self.ended, self.down = False, True  # whether the push is over, and whether the foot was on the ground
-        self.ways = self._ways_to_rest()
         self.movement = self._best()
-
-    def torque(self, now: Measurement) -> np.ndarray:
-        """As of the paper's strategies, at speeds as they are now: those measured are means of a few periods, and in these
-        joints gained what the torques that were asked for have given them."""
-        if now.contact and not self.down:  # no torque says what an impact leaves
-            self.rates.extend([np.zeros(2)] * len(self.rates))
-        self.down = now.contact
-        now = replace(now, v=now.v + self.catching_up @ np.reshape(self.rates, (-1, 2)))
-        tau = super().torque(now)
-        given = self.drive.at(now.q).passed(now.v, self.drive.at(now.q).clamp(now.v, tau))
-        q, v = np.concatenate([np.zeros(BASE), now.q]), np.concatenate([np.zeros(BASE), now.v])
-        if now.contact:
-            s = self.machine.stance_terms(now.q, now.v)
-            q, v = s.q, s.v
-        self.rates.append(self.machine.acceleration(q, v, given, now.contact)[BASE:])
-        return tau
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """On the way down the body's height by PD on the reference; then -k_p (theta - theta_des) - k_d theta' at the knee."""
         since = now.t - (self.pushed or 0.0)
-        if since < self.settled:
-            self.aim, self.ended = None, False
         if since >= self.movement.duration:
-            return self._risen(now, s)
+            return self._pushing(s, now.q, now.v)
         y, rate, rise = self.movement.down(since)
         k, d = self.options.plumb_k, self.options.plumb_d
         return self.lifted(s, rise + k * (self.lowest + y - s.q[1]) + d * (rate - s.v[1]))
 
-    def _risen(self, now: Measurement, s: StanceTerms) -> np.ndarray:
-        """Torques (n) [N m] of the push; of a leg that rises, once the push is over, those that draw it up."""
-        tau = self._pushing(s, now.q, now.v)
-        if not self.ended and s.v[1] > 0 and self._over(s, self.drive.at(now.q).clamp(now.v, tau), self.movement):
-            self.aim, self.ended = self._aim(now), True
-        return self._let_go(now, s) if self.ended else tau
-
-    def _let_go(self, now: Measurement, s: StanceTerms) -> np.ndarray:
-        """Torques (n) [N m] towards the pose that is aimed at; where there is none, or they press the foot down, those that fold the leg."""
-        if self.drawing_up and self.aim:
-            tau = self.drawing_up.torque(now.q, now.v, self.aim.pose)
-            if s.contact_force(self.drive.at(now.q).clamp(now.v, tau))[1] <= 0:
-                return tau
-        return self.upright(s, float(np.copysign(UNBOUNDED, (now.q - self.stretched)[1])))
+    def over(self, now: Measurement, s: StanceTerms, tau: np.ndarray) -> bool:
+        """Whether the ground carries too little, or a joint could not be brought to rest before its limit any more."""
+        risen = now.t - (self.pushed or 0.0) >= self.movement.duration
+        return risen and self._over(s, self.drive.at(now.q).clamp(now.v, tau), self.movement)
 
     def _pushing(self, s: StanceTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Torques (n) [N m] towards the stretched leg, the body on the plumb line as far as the foot grips."""
@@ -130,32 +93,9 @@ class CounterMovement(Force):
         return self.drive.at(q).clamp(v, tau) - np.array([edge @ force / (edge @ by_hip), 0.0])
 
     def _over(self, s: StanceTerms, tau: np.ndarray, movement: Movement) -> bool:
-        """Whether a push with these torques (n) [N m] has to end: the ground carries too little, or a joint could not be brought
-        to rest before its limit any more."""
+        """Whether a push with these torques (n) [N m] has to end."""
         lets_go = s.contact_force(tau)[1] < max(self.light, movement.released * self.weight)
-        return bool(lets_go or (self._rests_at(s.q[BASE:], s.v[BASE:]) < 0).any())
-
-    def _rests_at(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """How far (n) [rad] before its limit, less SPARED, each joint comes to rest if it is braked from the next period on."""
-        speed, free = np.abs(v), np.where(v > 0, self.upper - q, q - self.lower)
-        way = [np.interp(w, *of_joint, right=np.inf) for w, of_joint in zip(speed, self.ways, strict=True)]
-        return free - SPARED * (self.upper - self.lower) - self.period * speed - np.array(way) / BRAKING
-
-    def _ways_to_rest(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Of every joint speeds (k) [rad/s], and the ways (k) [rad] in which its drive brings it to rest from them in flight."""
-        inertia = np.diag(self.machine.mass_matrix(np.concatenate([np.zeros(BASE), self.stretched])))[BASE:]
-        return [self._way_to_rest(of, of_all) for of, of_all in zip(np.eye(len(inertia)), inertia, strict=True)]
-
-    def _way_to_rest(self, joint: np.ndarray, inertia: float) -> tuple[np.ndarray, np.ndarray]:
-        """Of the joint that is 1 in ``joint`` (n), up to a speed from which its whole range would not do."""
-
-        def strength(speed: float) -> float:
-            return abs(float(self.drive.at(self.stretched).clamp(speed * joint, -UNBOUNDED * joint) @ joint))
-
-        whole = np.sqrt(2 * strength(0.0) * float((self.upper - self.lower) @ joint) / inertia)
-        speeds = SPEEDS * min(float(whole), float(self.no_load[joint.argmax()]))
-        slope = np.array([w * inertia / strength(w) if strength(w) else np.inf for w in speeds])
-        return speeds, np.concatenate([[0.0], np.cumsum(np.diff(speeds) * (slope[1:] + slope[:-1]) / 2)])
+        return bool(lets_go) or self.too_fast(s.q[BASE:], s.v[BASE:])
 
     def _best(self) -> Movement:
         """That from which the computed leg clears most in the time there is, of those that throw it highest. An end of the push counts

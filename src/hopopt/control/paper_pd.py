@@ -11,17 +11,16 @@ Both follow the two-mass reference y_des(t) (the paper's eq. 9) with the foot un
   ground. So the leg brakes evenly down to the height at which it once started, and there the push begins anew.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from hopopt.control.draw_up import BRAKING, MARGIN, Aim, DrawingUp, LiftOff
-from hopopt.control.setting import Setting, chosen, one_of
-from hopopt.control.similarity import scaled
+from hopopt.control.flight.braking import BRAKING, Braking, SpeedsNow
+from hopopt.control.flight.draw_up import MARGIN, Aim, DrawingUp, LiftOff
+from hopopt.control.paper_options import PaperOptions
+from hopopt.control.setting import Setting, chosen
 from hopopt.control.two_mass import TwoMass
-from hopopt.design import Design
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, foot_offset, two_joints
@@ -39,49 +38,6 @@ STILL_MOVING = 0.1  # share of a drive's no-load speed, above which a joint has 
 NEAR = 1.5  # margins from a joint limit, within which a pose is at it
 
 
-@dataclass(frozen=True)
-class PaperOptions:
-    """Settings of the paper's tables (1 and 2) on the paper's leg, and what they leave open.
-
-    k_p [N m/rad], k_d [N m s/rad]; k_s [N/m], the printed 17 read as N/cm; y_neu and C_amp [m], C_max [1];
-    retraction: "reference" (y_f goes on in flight) or "tuck" (the pose that lifts the foot highest);
-    stance: "reference" (y_s) or "step" (a step to the stretched leg);
-    flight: "servo" (as fast as it can towards the reference) or "braked" (no faster than it can brake);
-    plumb_k [1/s^2] and plumb_d [1/s] bring the body back to the plumb line.
-    """
-
-    k_p: float = 5424.0
-    k_d: float = 9.0
-    k_s: float = 1700.0
-    y_neu: float = 0.45
-    C_amp: float = 0.12
-    C_max: float = 0.11
-    retraction: str = one_of("reference", "tuck")
-    stance: str = one_of("reference", "step")
-    flight: str = one_of("servo", "braked")
-    plumb_k: float = 400.0
-    plumb_d: float = 40.0
-
-    @classmethod
-    def of(cls, design: Design, gains: Mapping[str, Any]) -> "PaperOptions":
-        """For a leg: the printed ones, or these ``gains`` of the paper's leg, scaled to it; what the problem's
-        [control] gives goes before the printed ones, unscaled."""
-        own = {name: x for name, x in design.control.model_dump(exclude_none=True).items() if name not in gains}
-        return replace(scaled(cls(**gains), design), **own)
-
-    def two_mass(self, setting: Setting) -> TwoMass:
-        """The reference model, with the body's and the last link's mass for m and m_e."""
-        leg = setting.design.leg
-        g = float(-setting.robot.model.gravity.linear[2])
-        masses = {"m": leg.body.mass, "m_e": leg.link[leg.links[-1]].mass}
-        try:
-            model = TwoMass(**masses, k=self.k_s, l0=self.y_neu, C_amp=self.C_amp, C_max=self.C_max, g=g)
-            model.t_lo  # noqa: B018  it has to lift off
-            return model
-        except ValueError as error:
-            raise UsageError(str(error)) from None
-
-
 def begin(model: TwoMass, height: float) -> float:
     """Time since mid-stance [s] at which the reference has this height [m] of the body, on its way up."""
     times = np.linspace(0.0, model.t_lo, 2001)
@@ -89,7 +45,12 @@ def begin(model: TwoMass, height: float) -> float:
 
 
 class PaperStrategy:
-    """What both strategies share: the reference, the servo towards it in flight, and the landing."""
+    """What both strategies share: the reference, the servo towards it in flight, and the landing.
+
+    at_once: whether joint speeds are taken as they are now all the time, not only once a joint comes too fast towards its limit
+    """
+
+    at_once = False
 
     def __init__(self, setting: Setting, **gains: Any):
         """gains: options on the paper's leg in place of the printed ones."""
@@ -115,6 +76,11 @@ class PaperStrategy:
         )
         self.shortest, self.step = (length * Scale.of(self.leg).length for length in (SHORTEST_BRAKING, RATE_STEP))
         self.drawing_up, self.aim = self._drawing_up(setting), None
+        self.stretched = self.angles(np.inf)
+        self.braking = Braking(setting, self.stretched) if self.drawing_up or self.at_once else None
+        self.speeds = SpeedsNow(setting, self.machine, self.drive)
+        self.hasty = self.at_once  # whether speeds are those of now from here on
+        self.ended = False  # whether the push is over with the foot on the ground
         self.bounce = BOUNCE * Scale.of(self.leg).time
         self.no_load = setting.no_load_speed
         self.quick = self.no_load / 2
@@ -132,7 +98,18 @@ class PaperStrategy:
         return DrawingUp(setting.robot, self.drive, setting.regions(), setting.no_load_speed, window, self.options.k_p)
 
     def torque(self, now: Measurement) -> np.ndarray:
-        """Torques (n) [N m] to ask for: the servo in flight, the landing, or the strategy's push."""
+        """Torques (n) [N m] to ask for. Where the leg is drawn up, a push ends while joints can still be braked before their limits."""
+        if self.braking is None:
+            return self._asked(now)
+        current = self.speeds.of(now)
+        if self.pushed is not None:
+            self.hasty = self.hasty or self.too_fast(current.q, current.v)
+        tau = self._asked(current if self.hasty else now)
+        self.speeds.after(current, tau)
+        return tau
+
+    def _asked(self, now: Measurement) -> np.ndarray:
+        """Torques (n) [N m] of the servo in flight, the landing, the strategy's push, or after it."""
         if not now.contact:
             if self.pushed is not None:
                 self.pushed, self.left = None, now.t - now.since
@@ -143,7 +120,29 @@ class PaperStrategy:
         down = s.v[1] >= 0 or s.q[1] <= self.lowest + self.shortest  # as low as it will be
         if self.pushed is None and now.since > self.settled and down:
             self.pushed, self.begin = now.t, begin(self.two_mass, s.q[1])
-        return self.land(s) if self.pushed is None else self.push(now, s)
+            self.hasty, self.ended = self.at_once, False
+        if self.pushed is None:
+            return self.land(s)
+        tau = self.push(now, s)
+        if not self.ended and s.v[1] > 0 and self.over(now, s, tau):
+            self.ended, self.aim = True, self._aim(now)
+        return self._let_go(now, s) if self.ended else tau
+
+    def over(self, now: Measurement, s: StanceTerms, tau: np.ndarray) -> bool:
+        """Whether a push of a rising leg, which asks for torques tau (n) [N m], has to end."""
+        return self.too_fast(now.q, now.v)
+
+    def too_fast(self, q: np.ndarray, v: np.ndarray) -> bool:
+        """Whether a joint could not be brought to rest before its limit any more; never where the leg is not drawn up."""
+        return self.braking is not None and self.braking.too_fast(q, v)
+
+    def _let_go(self, now: Measurement, s: StanceTerms) -> np.ndarray:
+        """Torques (n) [N m] towards the pose that is aimed at; where there is none, or they press the foot down, those that fold the leg."""
+        if self.drawing_up and self.aim:
+            tau = self.drawing_up.torque(now.q, now.v, self.aim.pose)
+            if s.contact_force(self.drive.at(now.q).clamp(now.v, tau))[1] <= 0:
+                return tau
+        return self.upright(s, float(np.copysign(UNBOUNDED, (now.q - self.stretched)[1])))
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] in stance."""

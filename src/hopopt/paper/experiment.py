@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from hopopt.control.closed_loop import simulate
-from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.paper_options import PaperOptions
 from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import UsageError

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.paper_options import PaperOptions
 from hopopt.control.similarity import Size, factors
 from hopopt.design import Design
 from hopopt.leg.scales import weight

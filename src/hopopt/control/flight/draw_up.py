@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from hopopt.control.flight.braking import BRAKING, SPARED
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED, OperatingRegion
 from hopopt.drivetrain.transmission import turned
@@ -25,7 +26,6 @@ PAST_APEX = 0.1  # [s] on the paper's leg, after the apex, for which it is compu
 QUICKEST = 150.0  # [1/s] on the paper's leg: bandwidth of the servo at most, which the steps can follow
 POSES = (64, 48)  # that are tried at first, and then about the best
 NARROWER = 0.2  # share of the joints' ranges within which they are then tried
-BRAKING = 0.5  # share of the drives' braking torque that the servo counts on: links are coupled
 LEAST = 0.2  # share of what is asked for that is left where drives saturate: beyond a speed limit nothing would fit
 FASTEST = 0.85  # share of the no-load speed to which a joint is driven
 KEPT = 0.97  # share of the no-load speed beyond which a computed flight counts no more
@@ -108,11 +108,15 @@ class DrawingUp:
         return np.array(self._servo(q, v, pose)).ravel()
 
     def aim(self, off: LiftOff) -> Aim | None:
-        """The pose that is worth most from a lift-off on; None if no flight keeps the limits."""
+        """The pose that is worth most from a lift-off on; None if no flight keeps the limits. A flight that comes within SPARED of a
+        joint's limit is taken only where all others come closer."""
+        return self._best(off, SPARED) or self._best(off, 0.0)
+
+    def _best(self, off: LiftOff, spared: float) -> Aim | None:
         lower, upper = self.lower + MARGIN, self.upper - MARGIN
         poses, best = lower + (upper - lower) * spread(POSES[0], len(lower)), None
         for count in (*POSES[1:], 0):
-            heights, times = self.heights(off, poses)
+            heights, times = self.heights(off, poses, spared)
             if heights.max() > (best.height if best else 0.0):
                 k = int(np.argmax(heights))
                 best = Aim(poses[k], float(heights[k]), float(times[k]))
@@ -122,14 +126,19 @@ class DrawingUp:
             poses = np.clip(around, lower, upper)
         return best
 
-    def heights(self, off: LiftOff, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How high the lowest point comes on the way to poses (k, n) [rad], (k,) [m], and when after lift-off, (k,) [s]."""
+    def heights(self, off: LiftOff, poses: np.ndarray, spared: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """How high the lowest point comes on the way to poses (k, n) [rad], (k,) [m], and when after lift-off, (k,) [s].
+
+        spared: share of the joints' ranges that is kept free at their limits, where they are not beyond it at lift-off.
+        """
         t, q, v = self.flights(off, poses)
         rows = q.reshape(-1, q.shape[-1])
         over, beside, above = (np.array(x).reshape(len(t), -1) for x in self._places.map(len(rows))(rows.T))
         height = above[0] + (off.rising * t - self.gravity / 2 * t**2)[:, None] + over
         most = np.maximum(KEPT * self.no_load, np.abs(off.v))
-        kept = ((q >= self.lower) & (q <= self.upper) & (np.abs(v) <= most)).all(axis=2) & (height >= -self.sunk)
+        free = spared * (self.upper - self.lower)
+        lower, upper = np.clip(off.q, self.lower, self.lower + free), np.clip(off.q, self.upper - free, self.upper)
+        kept = ((q >= lower) & (q <= upper) & (np.abs(v) <= most)).all(axis=2) & (height >= -self.sunk)
         counts = np.logical_and.accumulate(kept) & (np.abs(beside) <= self.window)
         height = np.where(counts, height, -np.inf)
         return height.max(axis=0), t[height.argmax(axis=0)]
