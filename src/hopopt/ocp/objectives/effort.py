@@ -53,13 +53,10 @@ def total(e: Ends, what: str) -> ca.SX:
 def _power(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     """tau w of every joint [W], (n,); of the drive behind a series spring."""
     m, sprung = motion(s), hop.drive_states.sprung
-    return (
-        ca.vertcat(
-            *[m.drives.tau[k] * m.drives.w[k] if k in sprung else m.tau[k] * m.v[BASE + k] for k in range(hop.n)]
-        )
-        if sprung
-        else m.tau * m.v[BASE:]
-    )
+    if not sprung:
+        return m.tau * m.v[BASE:]
+    of_drive, of_joint = m.drives.tau * m.drives.w, m.tau * m.v[BASE:]
+    return ca.vertcat(*[(of_drive if k in sprung else of_joint)[k] for k in range(hop.n)])
 
 
 def _of_motors(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
