@@ -58,6 +58,15 @@ def test_a_method_that_leaves_something_out_says_nothing_by_promising_more() -> 
     assert followed(found) == 0.8
 
 
+def test_on_a_slider_the_line_says_that_folding_takes_no_time() -> None:
+    """Its promise and its motions leave the flight out, so that neither is evidence of a better hop."""
+    slider = load("paper", {"leg.guides": ("z",)})
+    said = verdict(0.9, 0.8, 0.8, left_out(slider))
+    assert said == "no verdict, for it leaves out how long the leg takes to fold on a vertical slider"
+    fed = load("paper", {"leg.guides": ("z",), "supply.voltage": 48.0})
+    assert left_out(fed) == "that the supply sags or has caps and how long the leg takes to fold on a vertical slider"
+
+
 def test_an_answer_below_zero_is_compared_as_well() -> None:
     assert verdict(-0.3, -0.1, -0.1) == NOTHING
     assert verdict(-0.3, -0.05, -0.1) == MAY_EXIST

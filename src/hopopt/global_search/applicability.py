@@ -10,7 +10,9 @@ UNKNOWN = ("power_cap", LIMIT)  # entries of motors that its grid does not see
 
 def left_out(design: Design) -> str | None:
     """What of a problem the global search leaves out, in a clause, so that its motions may do more than the leg; else None."""
-    return None if design.leg.supply is None else "that the supply sags or has caps"
+    clauses = [] if design.leg.supply is None else ["that the supply sags or has caps"]
+    clauses += [] if "x" in design.leg.guides else ["how long the leg takes to fold on a vertical slider"]
+    return " and ".join(clauses) or None
 
 
 def applies(design: Design) -> str | None:
