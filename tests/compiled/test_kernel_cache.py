@@ -6,13 +6,15 @@ import importlib.util
 import os
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
+from numba.core import config
 
 from hopopt.compiled import kernel_cache
-from hopopt.compiled.kernel import kernel
+from hopopt.compiled.kernel import LEVEL, kernel
 
 
 @pytest.fixture
@@ -65,6 +67,15 @@ def test_a_file_of_another_function_is_not_taken_for_it(function: Callable[..., 
     again = kernel(function)
     assert again(3) == 7
     assert not again.compiled.stats.cache_hits
+
+
+def test_the_level_of_a_callers_own_functions_stays(function: Callable[..., float]) -> None:
+    """Also where two threads compile at once."""
+    before, made = config.OPT, [kernel(function) for _ in range(2)]
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(lambda one: one(3.0), made)) == [7.0, 7.0]
+    assert before != LEVEL
+    assert config.OPT is before
 
 
 def test_what_python_calls_and_what_compiled_functions_call_are_kept_apart(

@@ -67,16 +67,18 @@ class Kernel:
 def _with_few_passes(compiled: Callable[..., Any]) -> Callable[..., Any]:
     """A function that compiles, at LLVM's first level: a quarter less to wait than at the third, for code as fast and the same digits."""
     from numba.core import config as numba_config
+    from numba.core.compiler_lock import global_compiler_lock
 
     config: Any = numba_config
 
     def quickly(*arguments: Any) -> Any:
-        asked = config.OPT
-        config.OPT = type(asked)(LEVEL)
-        try:
-            return compiled(*arguments)
-        finally:
-            config.OPT = asked
+        with global_compiler_lock:  # of all threads: a level that one has set is not another's
+            asked = config.OPT
+            config.OPT = type(asked)(LEVEL)
+            try:
+                return compiled(*arguments)
+            finally:
+                config.OPT = asked
 
     return quickly
 
