@@ -93,13 +93,11 @@ def test_what_counts_as_little_on_a_similar_leg_is_as_little() -> None:
 @settings(max_examples=3, deadline=None, phases=[Phase.generate])
 def test_units_of_a_similar_leg(size: float) -> None:
     """Each is the power of its size that mechanics gives, also those of states; a unit of a user's own has none."""
-    scale, powers = (
-        Scale.of(load("paper", similar(size)).leg),
-        {**POWERS, "m/s": 0.5, "rad/s": -0.5, "N s": 3.5, "W": 3.5},
-    )
+    leg, powers = load("paper", similar(size)).leg, {**POWERS, "m/s": 0.5, "rad/s": -0.5, "N s": 3.5, "W": 3.5}
+    scale = Scale.of(leg)
     for unit, power in powers.items():
         assert scale.unit(unit) == pytest.approx(size**power), unit
-    q, v = scale.states(2)
+    q, v = scale.states(leg)
     assert q == pytest.approx([size, size, 1.0, 1.0])
     assert v == pytest.approx([size**0.5, size**0.5, size**-0.5, size**-0.5])
     assert scale.unit("apples") == 1.0

@@ -23,7 +23,7 @@ from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.geometry.above import points_above_ground
 from hopopt.leg.kinematics import can_slip, planar, start_angles
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.leg.scales import Scale
+from hopopt.leg.scales import Scale, radians
 from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.encoder import Encoder
@@ -168,7 +168,7 @@ def simulate(
             fresh,
             hops * longest(design),
             timing=Timing(period, s.torque_delay),
-            encoder=Encoder(s.encoder_bits, s.speed_window, period, s.speed_error),
+            encoder=Encoder(s.encoder_bits, s.speed_window, period, s.speed_error, radians(design.leg)),
             landings=hops,
             falling=PAST_APEX * Scale.of(design.leg).time if past_apex else np.inf,
         )
@@ -212,7 +212,7 @@ def in_mujoco(
     plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
     if plant.drive.states:
         raise UsageError("drives with states of their own are not simulated in MuJoCo")
-    encoder = Encoder(s.encoder_bits, s.speed_window, period, s.speed_error)
+    encoder = Encoder(s.encoder_bits, s.speed_window, period, s.speed_error, radians(design.leg))
     late = s.torque_delay / period
     parts = next((n for n in range(1, PARTS) if abs(n * late - round(n * late)) < 1e-6), PARTS)
     now, asked = start, deque([np.zeros(plant.n)] * (1 + round(parts * late)), maxlen=1 + round(parts * late))

@@ -12,6 +12,7 @@ from hopopt.design.drives.transmission import Transmission
 from hopopt.design.fields import (
     CATALOGUE,
     CATALOGUE_NAME,
+    DOWN,
     FORWARD,
     LEAST_EFFICIENCY,
     MOST_POINTS,
@@ -27,7 +28,7 @@ from hopopt.design.fields import (
     points_fault,
     quantity,
 )
-from hopopt.design.geometry.link_joint import LinkJoint, follower
+from hopopt.design.geometry.link_joint import SLIDING, TURNING, LinkJoint, Units, follower
 from hopopt.design.geometry.parts import MOST_SPRINGS, Body, Link, Spring
 from hopopt.design.hop import GRAVITY
 
@@ -38,6 +39,20 @@ class Motor(Section):
     max_torque: float | None = quantity(
         "tau_max: motor torque at standstill (default: torque_constant voltage / winding_resistance)",
         "N m", 1e-6, 1000, None, physical=True,
+    )  # fmt: skip
+    max_force: float | None = quantity(
+        "of a linear motor at standstill, for a prismatic joint in place of max_torque",
+        "N", 1e-3, 1e6, None, physical=True, listed=False,
+    )  # fmt: skip
+    max_velocity: float | None = quantity(
+        "of a linear motor at no force, in place of max_speed", "m/s", 1e-3, 100, None, physical=True, listed=False
+    )
+    force_cap: float | None = quantity(
+        "of a linear motor's drive, in place of torque_cap", "N", 1e-3, 1e6, None, physical=True, listed=False
+    )
+    rotor_mass: float | None = quantity(
+        "of a linear motor: what resists besides the link's own mass, in place of rotor_inertia (default: none)",
+        "kg", 0.0, 1e3, None, physical=True, listed=False,
     )  # fmt: skip
     max_speed: float | None = quantity(
         "omega_max: motor speed at no torque (default: voltage / torque_constant)",
@@ -173,6 +188,11 @@ MotorOverrides, GearOverrides = _overrides(Motor), _overrides(Gear)
 
 
 class Joint(Section):
+    type: Literal["revolute", "prismatic"] | None = choice(
+        "whether it turns, or slides along its axis: then angles are travel [m], torques forces [N] (default: revolute)",
+        None,
+        listed=False,
+    )
     lower: float = quantity("smallest angle", "rad", -7, 7)
     upper: float = quantity("largest angle", "rad", -7, 7)
     axis: Vector = choice(
@@ -188,8 +208,17 @@ class Joint(Section):
     )
 
 
+# Entries of a linear motor in place of those of one that turns.
+LINEAR = {
+    "max_torque": "max_force",
+    "max_speed": "max_velocity",
+    "torque_cap": "force_cap",
+    "rotor_inertia": "rotor_mass",
+}
+
+
 class Leg(Section):
-    """A body on x and z guides, or on a vertical slider, and a serial chain of revolute joints and links.
+    """A body on x and z guides, or on a vertical slider, and a serial chain of joints and links.
 
     Angles, unless axes and directions say otherwise: the first link from straight down, each further link relative
     to the one before it; positive swings the link forward (+x). ``joint`` and ``link`` are the tables [leg.<name>]
@@ -226,12 +255,12 @@ class Leg(Section):
             return data
         data = _legs_on_supply(data)
         if "joint" in data or "link" in data:
-            return data
+            return _with_linear_motors(data)
         data = dict(data)
         for key, names in (("joint", data.get("joints")), ("link", data.get("links"))):
             names = names if isinstance(names, (list, tuple)) else ()
             data[key] = {n: data.pop(n, {}) for n in names if isinstance(n, str) and n not in RESERVED}
-        return data
+        return _with_linear_motors(data)
 
     @model_serializer(mode="wrap")
     def _spread(self, handler: Any) -> dict[str, Any]:
@@ -271,13 +300,33 @@ class Leg(Section):
                 found.append(LinkJoint(follower(name), axis, False, number, *ratio, follows=True))
                 continue
             joint = next(own)
-            found.append(LinkJoint(joint, unit(self.joint[joint].axis), False, self.joints.index(joint)))
+            axis, slides = unit(self.joint[joint].axis), joint in self.sliding
+            found.append(LinkJoint(joint, axis, slides, self.joints.index(joint)))
         return tuple(found)
+
+    @property
+    def sliding(self) -> tuple[str, ...]:
+        """Joints that slide along their axes."""
+        return tuple(name for name in self.joints if self.joint[name].type == "prismatic")
+
+    def units(self, joint: str) -> Units:
+        """Words and units of a joint."""
+        return SLIDING if joint in self.sliding else TURNING
+
+    def linear(self, joint: str) -> bool:
+        """Whether a joint has a linear motor."""
+        motor = self.joint[joint].motor
+        return joint in self.sliding and motor is not None and motor.max_force is not None
 
     @property
     def pivots(self) -> tuple[str, ...]:
         """Names of the points where links begin, from the body to the foot."""
         return tuple(at.name for at in self.link_joints)
+
+    @property
+    def chain(self) -> tuple[str, ...]:
+        """Names of the points between which the leg is drawn, from the body to the foot; the body's own where it slides on it."""
+        return (*(["body"] if self.link_joints[0].slides else []), *self.pivots, "foot")
 
     @property
     def follows(self) -> bool:
@@ -302,11 +351,13 @@ class Leg(Section):
     def drive(self, joint: str, part: Literal["motor", "gear"], entry: str) -> tuple[str, Any]:
         """Path and value of a joint's motor or gear entry: its own if the file gives one, else the leg's.
 
-        A motor or gear of the catalogue is whole: what it leaves open is None, not what the leg's has.
+        A motor or gear of the catalogue is whole, and so is a linear motor: what it leaves open is None, not what the leg's has.
         """
         own, common = getattr(self.joint[joint], part), getattr(self, part)
+        linear, optional = self.linear(joint), type(common).model_fields[entry].default is None
+        entry = LINEAR.get(entry, entry) if linear and part == "motor" else entry
         value = getattr(own, entry) if own is not None else None
-        whole = own is not None and own.catalogue is not None and type(common).model_fields[entry].default is None
+        whole = own is not None and optional and (linear or own.catalogue is not None)
         if value is not None or whole:
             return f"leg.{joint}.{part}.{entry}", value
         return f"leg.{part}.{entry}", getattr(common, entry)
@@ -318,6 +369,26 @@ def _legs_on_supply(leg: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(body, dict) or not isinstance(supply, dict) or body.get("legs") is None or "legs" in supply:
         return leg
     return {**leg, "supply": {**supply, "legs": body["legs"]}}
+
+
+def _with_linear_motors(leg: dict[str, Any]) -> dict[str, Any]:
+    """The leg's table in which linear motors turn nothing, and prismatic joints without an axis make the leg longer; where all
+    motors are linear the leg needs no common one."""
+    joints = leg.get("joint")
+    if not isinstance(joints, dict):
+        return leg
+    found, linear = dict[str, Any](), 0
+    for name, joint in joints.items():
+        found[name] = joint
+        if not isinstance(joint, dict) or joint.get("type") != "prismatic":
+            continue
+        found[name] = {"axis": DOWN, **joint}
+        motor, gear = joint.get("motor"), joint.get("gear", {})
+        if isinstance(motor, dict) and "max_force" in motor and isinstance(gear, dict):
+            linear += 1
+            found[name] |= {"motor": {"rotor_mass": 0.0, **motor}, "gear": {"ratio": 1.0, **gear}}
+    common = {"motor": {}, "gear": {"ratio": 1.0}} if found and linear == len(found) else {}
+    return common | leg | {"joint": found}
 
 
 def unit(vector: Sequence[float]) -> tuple[float, ...]:

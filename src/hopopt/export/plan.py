@@ -66,15 +66,17 @@ def columns(plan: TrackedPlan) -> dict[str, tuple[str, Sequence[Any]]]:
     for k, axis in enumerate("xz"):
         found[f"body_{axis}"], found[f"body_v{axis}"] = ("m", s.q[:, k]), ("m/s", s.v[:, k])
     for k, joint in enumerate(joints):
-        found[f"q_{joint}"] = "rad", s.q[:, BASE + k]
-        found[f"v_{joint}"] = "rad/s", s.v[:, BASE + k]
-        found[f"tau_{joint}"] = "N m", torques[:, k]
+        units = plan.motion.design.leg.units(joint)
+        found[f"q_{joint}"] = units.q, s.q[:, BASE + k]
+        found[f"v_{joint}"] = units.v, s.v[:, BASE + k]
+        found[f"tau_{joint}"] = units.tau, torques[:, k]
     for k, axis in ((0, "x"), (-1, "z")):
         found[f"force_{axis}"] = "N", s.f[:, k]
     for k, joint in enumerate(joints if np.isfinite(gains).any() else ()):
         for m, other in enumerate(joints):
-            found[f"K_{joint}_q_{other}"] = "N m/rad", gains[:, k, m]
-            found[f"K_{joint}_v_{other}"] = "N m s/rad", gains[:, k, len(joints) + m]
+            units = plan.motion.design.leg.units(joint).tau, plan.motion.design.leg.units(other).q
+            found[f"K_{joint}_q_{other}"] = "{}/{}".format(*units), gains[:, k, m]
+            found[f"K_{joint}_v_{other}"] = "{} s/{}".format(*units), gains[:, k, len(joints) + m]
     return found
 
 

@@ -20,8 +20,8 @@ def applies(design: Design) -> str | None:
     leg = design.leg
     if len(leg.joints) != 2:
         return f"the leg has {len(leg.joints)} joint{'s' if len(leg.joints) > 1 else ''}, and the grid needs two"
-    if leg.follows:
-        return "a joint follows another one"
+    if leg.follows or leg.sliding:
+        return "a joint slides" if leg.sliding else "a joint follows another one"
     if not planar(leg):
         return "the leg leaves the x-z plane"
     if not two_joints(leg):

@@ -32,7 +32,11 @@ def joint_frames(leg: Leg, q_j: Sequence[float] | np.ndarray) -> tuple[list[np.n
     q = np.asarray(q_j, dtype=float)
     turn, points, turns = np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)), [np.zeros((*q.shape[:-1], 3))], []
     for at, link in zip(leg.link_joints, leg.links, strict=True):
-        turn = turn @ _rotation(at.axis, at.place(q[..., at.coordinate]))
+        place = at.place(q[..., at.coordinate])
+        if at.slides:
+            points[-1] = points[-1] + (turn @ at.axis) * place[..., None]
+        else:
+            turn = turn @ _rotation(at.axis, place)
         points.append(points[-1] + turn @ _vector(leg, link))
         turns.append(turn)
     return points, turns
@@ -64,20 +68,21 @@ def foot_offset(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
 
 
 def planar(leg: Leg) -> bool:
-    """Whether the leg moves in a plane along x and z: every joint turns about the y axis."""
-    return all(abs(at.axis[1]) == 1 for at in leg.link_joints)
+    """Whether the leg moves in a plane along x and z: every joint turns about the y axis, or slides across it."""
+    return all(abs(at.axis[1]) == (0 if at.slides else 1) for at in leg.link_joints)
 
 
 def can_slip(leg: Leg) -> bool:
     """Whether slipping is simulated for a leg: on x and z guides, every joint turning in their plane by its own drive, without
     five-bars. Other feet stay, and the friction that this needs is reported."""
-    return planar(leg) and "x" in leg.guides and not leg.follows and not leg.five_bars
+    return planar(leg) and "x" in leg.guides and not leg.follows and not (leg.sliding or leg.five_bars)
 
 
 def two_joints(leg: Leg) -> bool:
     """Whether the leg is one of two joints that moves, with both links, in the plane: what ``TwoJoints`` needs."""
     across = [np.hypot(*np.array(unit(leg.link[name].direction))[[0, 2]]) for name in leg.links]
-    return len(leg.joints) == 2 and not leg.follows and planar(leg) and min(across) >= IN_PLANE_SHARE
+    apart = leg.follows or leg.sliding
+    return len(leg.joints) == 2 and not apart and planar(leg) and min(across) >= IN_PLANE_SHARE
 
 
 def contact_axes(leg: Leg) -> tuple[int, ...]:
@@ -102,17 +107,23 @@ def dependent_joints(design: Design) -> tuple[int, ...]:
 
 
 def foot_jacobian(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Derivative of the foot's place from the body by the joint angles, (3, n) [m/rad]."""
+    """Derivative of the foot's place from the body by the joint angles, (3, n) [m/rad], or by the travel of one that slides."""
     q, found = np.asarray(q_j, dtype=float), np.zeros((3, len(leg.joints)))
     points, turns = joint_frames(leg, q)
     for at, place, turn in zip(leg.link_joints, points, turns, strict=False):
-        found[:, at.coordinate] += at.ratio * np.cross(turn @ at.axis, points[-1] - place)
+        axis = turn @ at.axis
+        found[:, at.coordinate] += at.ratio * (axis if at.slides else np.cross(axis, points[-1] - place))
     return found
 
 
 def reach(leg: Leg) -> float:
     """Length of the stretched leg [m], or more."""
-    return sum(link.length for link in leg.link.values())
+    return sum(link.length for link in leg.link.values()) + sum(map(longest_travel, map(leg.joint.get, leg.sliding)))
+
+
+def longest_travel(joint: Any) -> float:
+    """How far a prismatic joint slides at most from where it is at zero [m]."""
+    return max(abs(joint.lower), abs(joint.upper))
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ class Kind(Enum):
     TORQUE_RATE = "torque rate"
     TEMPERATURE = "winding temperature"
     ANGLE = "angle"
+    TRAVEL = "travel"
     HEIGHT = "height above ground"
     GROUND_FORCE = "ground force"
     FORCE_RATE = "ground force rate"
@@ -75,6 +76,11 @@ class LimitId:
         if self.kind is Kind.HEIGHT and self.joint:
             return f"{self.joint} above ground"
         return f"{self.joint} {self.kind.value}".lstrip()
+
+
+def place_limit(leg: Leg, joint: str) -> LimitId:
+    """The limits of a joint's angle, or of its travel where it slides."""
+    return LimitId(Kind.TRAVEL if joint in leg.sliding else Kind.ANGLE, joint)
 
 
 def motor_power(leg: Leg, joint: str) -> LimitId:

@@ -164,6 +164,8 @@ def link_points(leg: Leg, p: Mapping[str, Any]) -> dict[str, tuple[int, tuple[An
         name: (BASE + 1 + k, (0.0, 0.0, 0.0)) for k, name in enumerate(leg.pivots)
     }
     last = leg.links[-1]
+    if leg.link_joints[0].slides:
+        points = {"body": (BASE, (0.0, 0.0, 0.0))} | points
     points["foot"] = (BASE + len(leg.links), _along(leg, last, p[f"leg.{last}.length"]))
     points |= arm_points(leg, p)
     return points | {name: (BASE + 1 + joint, place) for name, joint, place in counted_points(leg)}
@@ -191,7 +193,8 @@ def build_robot(leg: Leg, parameters: Mapping[str, float] | None = None) -> Robo
 def _joint_model(joint: LinkJoint) -> Any:
     """A joint as Pinocchio has it."""
     if joint.slides:
-        return {"x": pin.JointModelPX, "z": pin.JointModelPZ}[joint.name]()
+        own = {at: kind for at, kind in zip(GUIDES, (pin.JointModelPX, pin.JointModelPZ), strict=True)}.get(joint)
+        return own() if own is not None else pin.JointModelPrismaticUnaligned(np.array(joint.axis))
     own = pin.JointModelRevoluteUnaligned(np.array(joint.axis))
     if not joint.follows:
         return own

@@ -32,7 +32,10 @@ class Scale:
     def of(cls, leg: Leg) -> Self:
         """The units of a leg."""
         mass = sum((leg.body.mass, *(link.mass for link in leg.link.values())))
-        stall, gravity = float(standstill_torques(leg).mean()) / PAPERS_STALL, float(np.linalg.norm(leg.fall)) / GRAVITY
+        stall, gravity = (
+            float((radians(leg) * standstill_torques(leg)).mean()) / PAPERS_STALL,
+            float(np.linalg.norm(leg.fall)) / GRAVITY,
+        )
         return cls(leg.length / PAPERS_LENGTH, mass / PAPERS_MASS, stall, gravity)
 
     @property
@@ -63,11 +66,10 @@ class Scale:
         }
         return (known | {"N m": work, "J": work, "W": work / time}).get(name, 1.0)
 
-    def states(self, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Of q and v (2 + n each): the body's place and speed, then those of n joints."""
-        q, v = np.ones(2 + n), np.full(2 + n, 1 / self.time)
-        q[:2], v[:2] = self.length, self.speed
-        return q, v
+    def states(self, leg: Leg) -> tuple[np.ndarray, np.ndarray]:
+        """Of q and v (2 + n each) of the leg: the body's place and speed, then those of its joints."""
+        joints, body = radians(leg), np.ones(2)
+        return np.concatenate([self.length * body, joints]), np.concatenate([self.speed * body, joints / self.time])
 
     @property
     def inertia(self) -> float:
@@ -80,6 +82,11 @@ def reserve_of(design: Design) -> Reserve:
     scale, r = Scale.of(design.leg), design.reserve
     default = {"ground_force": RESERVED_FORCE * scale.force, "height": RESERVED_HEIGHT * scale.length}
     return r.model_copy(update={name: x for name, x in default.items() if getattr(r, name) is None})
+
+
+def radians(leg: Leg) -> np.ndarray:
+    """What counts for each joint (n) as a radian does: 1, of one that slides the leg's length [m]."""
+    return np.array([leg.length if joint in leg.sliding else 1.0 for joint in leg.joints])
 
 
 def stall_torques(leg: Leg) -> np.ndarray:

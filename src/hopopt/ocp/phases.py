@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.leg.limit_id import Kind, kind_of
+from hopopt.leg.scales import radians
 from hopopt.ocp.drives import reversing_speeds, with_drives
 from hopopt.ocp.guesses.motion import FLIGHT as FLIGHT
 from hopopt.ocp.guesses.motion import STANCE as STANCE
@@ -53,9 +54,14 @@ class LegPhase:
         return replace(p, controls=(*p.controls, *controls), path=(*p.path, *path), integrands=more)
 
 
-def joint_speed(leg: MovingLeg) -> float:
-    """Scale of joint speeds [rad/s]."""
-    return SPEED / leg.scale.time
+def joint_speed(leg: MovingLeg) -> np.ndarray:
+    """Scale of joint speeds (n) [rad/s]."""
+    return SPEED / leg.scale.time * radians(leg.leg)
+
+
+def joint_scales(leg: MovingLeg) -> np.ndarray:
+    """Scales of angles and speeds of the joints (2 n) [rad, rad/s]."""
+    return np.concatenate([radians(leg.leg), joint_speed(leg)])
 
 
 def body_speed(leg: MovingLeg) -> float:
@@ -68,16 +74,16 @@ def length(leg: MovingLeg) -> float:
     return LENGTH * leg.scale.length
 
 
-def _acceleration(leg: MovingLeg) -> float:
-    """Scale of joint accelerations [rad/s^2]."""
-    return ACCELERATION * leg.scale.gravity / leg.scale.length
+def _acceleration(leg: MovingLeg, joints: Sequence[int]) -> np.ndarray:
+    """Scale of accelerations of these joints [rad/s^2]."""
+    return ACCELERATION * leg.scale.gravity / leg.scale.length * radians(leg.leg)[list(joints)]
 
 
 def stance(leg: MovingLeg, q: Given = None, v: Given = None) -> LegPhase:
     """The foot on the ground; q and v: joint angles [rad] and speeds [rad/s] with which it begins."""
     names, (lower, upper) = leg.leg.joints, leg.limits
     states = (
-        State("q", leg.n, lower, upper, 1.0, "rad", names, initial=q),
+        State("q", leg.n, lower, upper, radians(leg.leg), "rad", names, initial=q),
         State("v", leg.n, scale=joint_speed(leg), unit="rad/s", labels=names, initial=v, sharp=reversing_speeds(leg)),
     )
     return _phase(
@@ -108,7 +114,11 @@ def _phase(
 def _stance_controls(leg: MovingLeg) -> tuple[Control, ...]:
     """Accelerations of the joints that no closed loop moves, and the contact force along the loop's axes."""
     labels = tuple(leg.leg.joints[k] for k in leg.free)
-    controls = (Control("a", len(labels), scale=_acceleration(leg), unit="rad/s^2", labels=labels),) if labels else ()
+    controls = (
+        (Control("a", len(labels), scale=_acceleration(leg, leg.free), unit="rad/s^2", labels=labels),)
+        if labels
+        else ()
+    )
     if not leg.loops:
         return controls
     axes = tuple("xyz"[axis] for axis in leg.loops)
@@ -123,11 +133,12 @@ def flight(leg: MovingLeg) -> LegPhase:
     states = (
         State("com", m, scale=length(leg), unit="m", labels=plane),
         State("com_v", m, scale=body_speed(leg), unit="m/s", labels=plane, initial=rises),
-        State("q", leg.n, lower, upper, 1.0, "rad", names),
+        State("q", leg.n, lower, upper, radians(leg.leg), "rad", names),
         State("v", leg.n, scale=joint_speed(leg), unit="rad/s", labels=names),  # torques hardly matter: none is sharp
     )
-    prompt = tuple(name for k, name in enumerate(names) if k not in leg.drive_states.at)
-    controls = (Control("a", len(prompt), scale=_acceleration(leg), unit="rad/s^2", labels=prompt),) if prompt else ()
+    free = [k for k in range(leg.n) if k not in leg.drive_states.at]
+    prompt, scale = tuple(names[k] for k in free), _acceleration(leg, free)
+    controls = (Control("a", len(prompt), scale=scale, unit="rad/s^2", labels=prompt),) if prompt else ()
     return _phase(
         leg, FLIGHT, states, controls,
         lambda s: {

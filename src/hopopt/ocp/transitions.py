@@ -13,7 +13,7 @@ from hopopt.leg.kinematics import PLANE
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.guesses.motion import MovingLeg
-from hopopt.ocp.phases import body_speed, joint_speed, length
+from hopopt.ocp.phases import body_speed, joint_scales, length
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
 
 Transition = Callable[[MovingLeg, str, str], tuple[BoundaryConstraint, ...]]
@@ -23,7 +23,7 @@ LANDING_WINDOW = LimitId(Kind.LANDING_WINDOW, key="hop.foot_window", unit="m")
 def flight_scales(leg: MovingLeg) -> np.ndarray:
     """Scales of the states of flight: com, com_v, q, v."""
     m = len(leg.falling)
-    return np.repeat([length(leg), body_speed(leg), 1.0, joint_speed(leg)], [m, m, leg.n, leg.n])
+    return np.concatenate([np.repeat([length(leg), body_speed(leg)], m), joint_scales(leg)])
 
 
 def lift_off(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstraint, ...]:

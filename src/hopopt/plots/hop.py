@@ -97,7 +97,7 @@ def _annotate_height(ax: Axes, solution: Solution) -> None:
 
 
 def joints(solution: Solution) -> Figure:
-    """Angle [rad], speed [rad/s] and torque [N m] of every joint over time [s], with what they may be."""
+    """Angle, speed and torque of every joint, in its units, over time [s], with what they may be."""
     names, motion = solution.robot.joints, motion_of(solution)
     figure = solution_figure(solution, "joint angles, speeds and torques", (max(FIGURE_SIZE[0], 3.4 * len(names)), 7.2))
     grid = figure.subplots(3, len(names), squeeze=False, sharex=True)
@@ -108,7 +108,7 @@ def joints(solution: Solution) -> Figure:
             turning = joined(motion, lambda s, k=k: s.w[:, k])
             grid[1, k].plot(joined(motion, lambda s: s.t), turning, "--", color=GREY, lw=1, label="the drive's speed")
         _torque(grid[2, k], solution, motion, k)
-        for ax, label in zip(grid[:, k], ("angle [rad]", "speed [rad/s]", "torque [N m]"), strict=True):
+        for ax, label in zip(grid[:, k], solution.design.leg.units(name).labels, strict=True):
             mark_lift_off(ax, solution)
             describe(ax, "time [s]" if ax is grid[2, k] else "", label, name if ax is grid[0, k] else "")
             ax.set_xlim(0, solution.end)
@@ -122,7 +122,7 @@ def _angle(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
     names = solution.robot.joints
     limits = solution.design.leg.joint[names[k]]
     for limit in (limits.lower, limits.upper):
-        ax.axhline(limit, label="angle limit", **LIMIT)
+        ax.axhline(limit, label=f"{solution.design.leg.units(names[k]).place} limit", **LIMIT)
     by_phase(ax, motion, lambda s: s.t, lambda s: s.q[:, k - len(names)])
 
 
@@ -171,7 +171,7 @@ def operating_region(solution: Solution) -> Figure:
             )
         by_phase(ax, motion, lambda s, k=k: s.w[:, k], lambda s, k=k: s.command[:, k])
         _mark_instants(ax, motion, k, solution.end_of_flight)
-        describe(ax, "speed [rad/s]", "torque [N m]", name)
+        describe(ax, *solution.design.leg.units(name).labels[1:], name)
     legend(figure)
     return figure
 

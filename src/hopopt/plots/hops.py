@@ -49,7 +49,8 @@ def orbit(found: HopsComparison) -> Figure:
                 ax.plot(q[row], v[row], marker, mfc="white", mec=look[name]["color"], mew=1.5, ms=6, zorder=5)
         for marker, label in (("o", "stance begins"), ("s", "lift-off")):
             ax.plot([], [], marker, mfc="white", mec=GREY, mew=1.5, ms=6, label=label)
-        describe(ax, f"{joints[k]} angle [rad]", f"{joints[k]} speed [rad/s]")
+        place, speed, _ = found.solution.design.leg.units(joints[k]).labels
+        describe(ax, f"{joints[k]} {place}", f"{joints[k]} {speed}")
     legend(figure)
     return figure
 

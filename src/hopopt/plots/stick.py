@@ -80,7 +80,7 @@ class _HopPoses:
         if solution.end > solution.duration:
             times += [*np.arange(solution.duration + step, solution.end - step / 4, step), solution.end]
         self.samples = solution.sample(times)
-        chain = np.stack([self.samples.points[name] for name in (*self.leg.pivots, "foot")], axis=1)
+        chain = np.stack([self.samples.points[name] for name in self.leg.chain], axis=1)
         self.x, self.z = chain[..., 0], chain[..., 1]
         self.reach, self.solids = reach(self.leg), [solid for solid in solids(self.leg) if solid.counts]
         self.shapes = [[self._outline(solid, k) for solid in self.solids] for k in range(len(times))]

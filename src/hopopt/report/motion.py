@@ -48,7 +48,7 @@ PLAN_ENDS = "the plan ends"  # what is shown of a plan whose foot does not come 
 
 def chain(points: Mapping[str, np.ndarray], robot: Robot) -> np.ndarray:
     """x, z of every joint and the foot, (k, n + 1, 2) [m], of points by name."""
-    return np.stack([points[name] for name in (*robot.leg.pivots, "foot")], axis=1)
+    return np.stack([points[name] for name in robot.leg.chain], axis=1)
 
 
 def planned(solution: Solution, name: str) -> ShownHop:

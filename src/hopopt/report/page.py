@@ -159,7 +159,7 @@ def _regions(design: Design, hops: Sequence[ShownHop]) -> list[dict[str, Any]]:
         corners = operating_region(design.leg, joint, parameters).outline()
         x = span(corners[:, 0], *(h.v[:, k] for h in hops))
         y = span(corners[:, 1], *(h.tau[:, k] for h in hops))
-        chart = Chart(x, y, WIDTH, HEIGHT, "speed [rad/s]", "torque [N m]")
+        chart = Chart(x, y, WIDTH, HEIGHT, *design.leg.units(joint).labels[1:])
         paths = [_path(chart, h.v[:, k], h.tau[:, k], color) for h, color in zip(hops, COLORS, strict=False)]
         found.append({"joint": joint, "index": k, "chart": chart, "corners": chart.line(*corners.T), "paths": paths})
     return found

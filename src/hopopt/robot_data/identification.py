@@ -125,9 +125,9 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
         raise UsageError(
             f"{design.name}: legs are identified whose drives turn as their joints do: leave out transmissions"
         )
-    if design.leg.follows:
+    if design.leg.follows or design.leg.sliding:
         raise UsageError(
-            f"{design.name}: legs are identified all of whose joints have drives: leave out follows of links"
+            f"{design.name}: legs are identified all of whose joints turn and have drives: leave out the others"
         )
     unknowns = unknowns_of(design)
     wrong = [key for key in known if key not in [u.key for u in unknowns]]

@@ -282,7 +282,7 @@ class Machine:
         """Kinetic and potential energy of body and links [J]."""
         if self.chains:
             return sum(self.chains.energies(q, v))
-        if self.leg.follows:  # which Pinocchio's energies do not know
+        if self.leg.follows or self.leg.sliding:  # Pinocchio has no energy of the one, and rotors in that of the other
             self.com_velocity(q, v)
             bodies = zip(self.model.inertias[1:], self.data.v[1:], strict=True)
             fall = self.model.gravity.linear @ self.data.com[0]

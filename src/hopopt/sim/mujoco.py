@@ -19,7 +19,7 @@ from hopopt.drivetrain.motor import voltage_line
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.files.export import DRIVE, to_mjcf
 from hopopt.leg.robot import BASE, Robot
-from hopopt.leg.scales import Scale
+from hopopt.leg.scales import Scale, radians
 from hopopt.sim.machine import Machine
 from hopopt.sim.state import BOUNCE, SENSELESS
 
@@ -136,9 +136,9 @@ def replay(
     ``lowest`` there the clearance, unless the foot came down before. dc_motors: as of ``simulate``.
     """
     scale = Scale.of(robot.leg)
-    work, time = scale.unit("N m"), scale.time
-    stiffness = STIFFNESS * work if stiffness is None else stiffness
-    damping = DAMPING * work * time if damping is None else damping
+    work, time = scale.unit("N m") / radians(robot.leg) ** 2, scale.time
+    stiff = STIFFNESS * work if stiffness is None else stiffness
+    damped = DAMPING * work * time if damping is None else damping
     control_period = CONTROL_PERIOD * time if control_period is None else control_period
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
     reference, feedforward = plan.sample(np.minimum(instants, plan.duration)), _means(plan, instants, control_period)
@@ -148,7 +148,7 @@ def replay(
     def controller(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         k = round(t / control_period)
         planned = feedforward[k] if turning is None else turning.jacobian(q[BASE:]).T @ feedforward[k]
-        tau = planned + stiffness * (reference.q[k] - q)[BASE:] + damping * (reference.v[k] - v)[BASE:]
+        tau = planned + stiff * (reference.q[k] - q)[BASE:] + damped * (reference.v[k] - v)[BASE:]
         at = drive.at(q[BASE:])
         return at.torque(v[BASE:], tau, None, lambda tau: machine.acceleration(q, v, tau, contact)[BASE:])[1]
 

@@ -8,14 +8,14 @@ from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.kinematics import reach
-from hopopt.leg.limit_id import Kind, LimitId, motor_power, torque_rate
+from hopopt.leg.limit_id import Kind, LimitId, motor_power, place_limit, torque_rate
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import descent_range, force_range
 from hopopt.sim.machine import Machine
 from hopopt.verify.table import DESCENT, STANCE, STANDING
 
 LIMIT_KINDS = (  # kinds of limits of a phase that are looked at here
-    Kind.REGION, Kind.ANGLE, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
+    Kind.REGION, Kind.ANGLE, Kind.TRAVEL, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
     Kind.WINDOW, Kind.SUPPLY, Kind.MOTOR_POWER, Kind.TORQUE_RATE, Kind.FORCE_RATE,
 )  # fmt: skip
 
@@ -57,7 +57,7 @@ def limits_of(
         found[LimitId(Kind.REGION, joint)] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]
-        found[LimitId(Kind.ANGLE, joint)] = np.maximum(low - angle, angle - high) / (high - low)
+        found[place_limit(design.leg, joint)] = np.maximum(low - angle, angle - high) / (high - low)
     if rates is not None:
         most_of_force = design.contact.force_rate
         if contact and most_of_force is not None:

@@ -14,7 +14,7 @@ from hopopt.verify.table import POWERS, STANDING, TO_POWERS, Table
 def replay(machine: Machine, phase: str, table: Table) -> Check:
     """The plan's torques played into Pinocchio, interval by interval, from the plan's own state."""
     worst, at = 0.0, 0.0
-    units = np.concatenate(Scale.of(machine.leg).states(machine.n))
+    units = np.concatenate(Scale.of(machine.leg).states(machine.leg))
     for k in range(len(table.t)):
         motion = (getattr(table, s)[k] for s in ("t", "q", "v", "tau"))
         wrong = float(np.abs(_replay_interval(machine, phase in STANDING, *motion) / units).max())

@@ -12,7 +12,7 @@ from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.closed_chains import side_lever
-from hopopt.leg.kinematics import start_angles
+from hopopt.leg.kinematics import longest_travel, start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.record import Real, Strict, stated
 from hopopt.sim.machine import Machine
@@ -107,12 +107,17 @@ def most_speed(region: OperatingRegion) -> float:
 def _stretched(robot: Robot, speeds: np.ndarray) -> tuple[float, float]:
     """Height [m] and speed [m/s] that the centre of mass cannot pass over a foot at rest, joints at most so fast."""
     bodies, ends = robot.model.inertias.tolist()[BASE:], _ends(robot)
-    own = [abs(at.ratio) * speeds[at.coordinate] for at in robot.leg.link_joints]
-    turning, height, speed, above, fast = np.cumsum(own), 0.0, 0.0, 0.0, 0.0
+    joints = robot.leg.link_joints
+    own = np.array([abs(at.ratio) * speeds[at.coordinate] for at in joints])
+    slides = np.array([at.slides for at in joints])
+    turning, height, speed, above, fast = np.cumsum(np.where(slides, 0.0, own)), 0.0, 0.0, 0.0, 0.0
     for k in reversed(range(len(ends))):  # from the foot up
         lever, mass = float(np.linalg.norm(bodies[k + 1].lever - ends[k])), bodies[k + 1].mass
         height, speed = height + mass * (above + lever), speed + mass * (fast + turning[k] * lever)
-        above, fast = above + float(np.linalg.norm(ends[k])), fast + turning[k] * float(np.linalg.norm(ends[k]))
+        far = float(np.linalg.norm(ends[k]))
+        if slides[k]:
+            far, fast = far + longest_travel(robot.leg.joint[joints[k].name]), fast + own[k]
+        above, fast = above + far, fast + turning[k] * far
     total = sum(body.mass for body in bodies)
     return (height + bodies[0].mass * above) / total, (speed + bodies[0].mass * fast) / total
 

@@ -15,7 +15,7 @@ from hopopt.design import Design, HopSettings, physical_parameters
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.limit_id import Kind
-from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.robot import Robot, build_robot
 from hopopt.leg.scales import Scale
 from hopopt.record import Real, if_any
 from hopopt.sim.machine import Machine
@@ -137,7 +137,7 @@ def whole_hop_rollout(
         return WholeHopRollout({}, np.inf, np.inf, "the simulation failed")
     found, state = hop
     scale = Scale.of(design.leg)
-    units = scale.states(robot.model.nv - BASE)
+    units = scale.states(robot.leg)
     strayed = max(
         float(np.abs((getattr(found[name], part) - getattr(table, part)) / unit).max())
         for name, table in tables.items()

@@ -143,7 +143,7 @@ def notes(s: Summary) -> list[str]:
 
 def assumed(leg: Leg) -> str:
     """What a plan takes to be better than any robot has it."""
-    bare = [name for name in leg.joints if not leg.drive(name, "motor", "rotor_inertia")[1]]
+    bare = [name for name in leg.joints if not (leg.linear(name) or leg.drive(name, "motor", "rotor_inertia")[1])]
     ideal = [name for name in leg.joints if not lossy(leg, name)]
     things = []
     if ideal:

@@ -14,7 +14,7 @@ import numpy as np
 from hopopt.control.closed_loop import longest, make_plant
 from hopopt.design import Design
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import Scale
+from hopopt.leg.scales import Scale, radians
 from hopopt.sim.controller import Controller
 from hopopt.sim.encoder import Encoder
 from hopopt.sim.hop_sequence import before_landing, landings
@@ -72,7 +72,7 @@ class ReturnMap:
     def units(self) -> np.ndarray:
         """Of the state's entries (2 n + 2): the paper's leg's are rad, m/s and rad/s."""
         n = len(self.design.leg.joints)
-        return np.concatenate([np.ones(n), Scale.of(self.design.leg).states(n)[1]])
+        return np.concatenate([np.ones(n), Scale.of(self.design.leg).states(self.design.leg)[1]])
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """The state (2 n + 2) before the next touchdown; Fallen if there is none."""
@@ -86,7 +86,7 @@ class ReturnMap:
             trace = plant.run(
                 landed, deepcopy(self.controller), longest(design),
                 landings=landed.landings + 1 + bounces,
-                timing=Timing(period, s.torque_delay), encoder=Encoder(0, 1, period, s.speed_error),
+                timing=Timing(period, s.torque_delay), encoder=Encoder(0, 1, period, s.speed_error, radians(self.design.leg)),
             )  # fmt: skip
             if landings(trace) or not trace.outcome.startswith("landing"):
                 return state_at_landing(trace)

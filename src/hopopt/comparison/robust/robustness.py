@@ -19,6 +19,7 @@ from hopopt.errors import UsageError
 from hopopt.extensions import carried
 from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import start_angles
+from hopopt.leg.scales import radians
 from hopopt.planner.answer.extras import Attained, CanBeHad
 from hopopt.planner.reserve import reference_of
 from hopopt.planner.solution import Solution
@@ -71,7 +72,7 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
             data["leg"][name] |= scaled(data["leg"][name], length=1 + spread.length * more.uniform(-1, 1))
         if design.contact.friction is not None:
             data["contact"]["friction"] *= 1 + spread.friction * more.uniform(-1, 1)
-        start = start_angles(design) + spread.start_angle * more.uniform(-1, 1, n)
+        start = start_angles(design) + spread.start_angle * radians(design.leg) * more.uniform(-1, 1, n)
         data["simulation"]["speed_error"] += spread.speed_error * last.uniform(-1, 1)
         data["simulation"]["torque_delay"] += spread.torque_delay * more.uniform()
         for name in design.leg.joints:

@@ -4,6 +4,28 @@ from dataclasses import dataclass
 from typing import Any
 
 
+@dataclass(frozen=True)
+class Units:
+    """How a joint's motion and what drives it are called, with their units."""
+
+    place: str
+    gives: str
+    q: str
+    v: str
+    a: str
+    tau: str
+    inertia: str
+
+    @property
+    def labels(self) -> tuple[str, str, str]:
+        """Of an axis of a figure: place, speed, torque."""
+        return f"{self.place} [{self.q}]", f"speed [{self.v}]", f"{self.gives} [{self.tau}]"
+
+
+TURNING = Units("angle", "torque", "rad", "rad/s", "rad/s^2", "N m", "kg m^2")
+SLIDING = Units("travel", "force", "m", "m/s", "m/s^2", "N", "kg")
+
+
 def follower(link: str) -> str:
     """Name of the joint of a link that follows another joint."""
     return f"{link}_joint"

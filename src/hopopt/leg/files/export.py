@@ -154,6 +154,8 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True, pose: np.n
         raise UsageError(
             "MJCF and MuJoCo take legs all of whose joints have drives: leave out follows of links, or write URDF"
         )
+    if dc_motors and robot.leg.sliding:
+        raise UsageError("DC motors in MJCF turn: leave out --dc-motors, or prismatic joints")
     turns = _ratios(robot, pose, dc_motors)
     bodies, root = _bodies(robot), ET.Element("mujoco", model="leg")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -215,7 +217,8 @@ def _dc_motor(robot: Robot, joint: str, heat: bool) -> dict[str, str]:
 
 def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) -> None:
     limits, axis = robot.leg.joint[name], content.joint.axis
-    joint = {"name": name, "type": "hinge", "axis": _text(axis), "range": _text((limits.lower, limits.upper))}
+    kind = "slide" if content.joint.slides else "hinge"
+    joint = {"name": name, "type": kind, "axis": _text(axis), "range": _text((limits.lower, limits.upper))}
     ET.SubElement(body, "joint", joint, armature=_text([content.armature if robot.leg.direct else 0.0]))
 
 

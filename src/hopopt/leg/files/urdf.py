@@ -28,8 +28,8 @@ class MovingLink:
     """What moves with one joint, all joint angles zero, axes parallel to the robot's: unit axis of the joint (3),
     vector (3) [m] to the next joint or the foot, mass [kg], com (3) [m] from the joint, inertia (xx, yy, zz, xy, xz,
     yz) [kg m^2] about it; limits lower, upper [rad], effort [N m], velocity [rad/s] (nan: not given); whether the joint is
-    continuous, which has no lower and upper; what else an MJCF says of its drive; what the joint follows in place of a drive;
-    how its actuator turns."""
+    continuous, which has no lower and upper; what else an MJCF says of its drive; whether the joint slides (then m, N, m/s); what it
+    follows in place of a drive; how its actuator turns."""
 
     joint: str
     link: str
@@ -44,6 +44,7 @@ class MovingLink:
     velocity: float
     continuous: bool
     drive: Drive = BARE
+    slides: bool = False
     follows: Mimic | None = None
     gearing: Gearing = DIRECT
 
@@ -143,15 +144,16 @@ def _moving_link(
         )
     joint_data = model.joints[index].createData()
     model.joints[index].calc(joint_data, pin.neutral(model))
-    limit, at = tree.joints[joint], model.joints[index].idx_v
+    limit, at, slides = tree.joints[joint], model.joints[index].idx_v, tree.joints[joint].get("type") == "prismatic"
+    axis = np.asarray(joint_data.S).reshape(6)[:3] if slides else np.asarray(joint_data.S).reshape(6)[3:]
     lower, upper = (next(iter(numbers(limit, "limit", side, 1, joint)), math.nan) for side in ("lower", "upper"))
     if continuous := tree.joints[joint].get("type") == "continuous":
         lower = upper = math.nan
     return MovingLink(
-        joint, link, _clean(turn @ np.asarray(joint_data.S).reshape(6)[3:]), _clean(vector), float(inertia.mass),
+        joint, link, _clean(turn @ axis), _clean(vector), float(inertia.mass),
         _clean(turn @ inertia.lever), moments, lower, upper,
         *(float(x) if 0 < x < 1e9 else math.nan for x in (model.effortLimit[at], model.velocityLimit[at])),
-        continuous=continuous,
+        continuous=continuous, slides=slides,
     )  # fmt: skip
 
 

@@ -139,8 +139,6 @@ class Tree:
                     f"there is {_some(on_the_way)}"
                 )
             self.known(name, "joints", on_the_way)
-            if (kind := self.joints[name].get("type")) not in MOVING:
-                raise UrdfError(f"joint {quoted(name)} is {kind}: the joints of a leg are {' or '.join(MOVING)}")
         chain = [name for name in on_the_way if name in joints]
         if len(set(joints)) < len(joints):
             raise UrdfError(f"is asked for a joint twice: leg.joints names {_some(joints)}")

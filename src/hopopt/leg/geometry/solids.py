@@ -46,7 +46,7 @@ def has_shape(leg: Leg) -> bool:
 
 def on_grid(leg: Leg) -> bool:
     """Whether distances between its solids are kept on a grid of angles, which a planner can know."""
-    return len(leg.joints) <= MOST_JOINTS and not leg.follows
+    return len(leg.joints) <= MOST_JOINTS and not leg.follows and not leg.sliding
 
 
 def solids(leg: Leg) -> tuple[Solid, ...]:

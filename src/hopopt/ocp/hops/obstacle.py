@@ -30,7 +30,7 @@ OBSTACLE = LimitId(Kind.OBSTACLE, key=BOX_WIDTH, unit="m")
 
 def _links(leg: MovingLeg) -> list[tuple[str, str]]:
     """The ends of every link, by the names of the points."""
-    return list(pairwise((*leg.leg.pivots, "foot")))
+    return list(pairwise(leg.leg.chain))
 
 
 def _clear(leg: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:

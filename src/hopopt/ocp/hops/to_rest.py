@@ -12,7 +12,7 @@ from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.hops.sequence import PhaseSequence, from_rest
 from hopopt.ocp.hops.touchdown_impact import impact_limits, landing
-from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE, descent, joint_speed, landing_stance
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE, descent, joint_scales, landing_stance
 from hopopt.ocp.problem import BoundaryConstraint, Ends, linkage
 from hopopt.ocp.transitions import handed_over, touchdown
 
@@ -38,7 +38,7 @@ def at_rest(leg: MovingLeg) -> BoundaryConstraint:
         return ca.vertcat(end.q - e.initial[STANCE].q, end.v)
 
     labels = tuple(f"{what} {name}" for what in "qv" for name in leg.leg.joints)
-    return linkage("rest", miss, np.repeat([1.0, joint_speed(leg)], leg.n), labels=labels)
+    return linkage("rest", miss, joint_scales(leg), labels=labels)
 
 
 def push_backwards(push: Guess) -> Guess:

@@ -8,12 +8,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE, armatures
 from hopopt.ocp.guesses.motion import MovingLeg
-from hopopt.ocp.phases import joint_speed
+from hopopt.ocp.phases import joint_scales
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
 from hopopt.ocp.rules import LEFT, RIGHT
 from hopopt.ocp.transitions import foot_before, impact_at
@@ -40,7 +39,7 @@ def impact_leads_to(name: str, leg: MovingLeg, before: str, begin: Callable[[End
         return ca.vertcat(s.q - f.q, s.v - impact_at(leg, f)[0][BASE:])
 
     labels = tuple(f"{what} {joint}" for what in "qv" for joint in leg.leg.joints)
-    return linkage(name, miss, np.repeat([1.0, joint_speed(leg)], leg.n), labels=labels)
+    return linkage(name, miss, joint_scales(leg), labels=labels)
 
 
 def impact_limits(leg: MovingLeg, before: str) -> Iterator[BoundaryConstraint]:

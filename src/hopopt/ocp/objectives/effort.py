@@ -114,6 +114,12 @@ def _work_both_ways(hop: MovingLeg, motion: MotionAt) -> Mapping[str, Callable[[
     return {"work": lambda s: 2 * ca.sum1(s.drawn) - ca.sum1(_power(hop, motion, s))}
 
 
+def _slides(design: Design) -> str | None:
+    """What to say if torques would be set beside forces."""
+    sliding = design.leg.sliding
+    return f"it needs joints that turn, and {sliding[0]} slides: choose another objective" if sliding else None
+
+
 def _no_winding(design: Design) -> str | None:
     """What to say if a motor's electrical figures are missing."""
     for joint in design.leg.joints:
@@ -210,7 +216,7 @@ EFFORTS = (
     ),
     _economical(
         "peak_torque", "largest torque of any joint", "N m", "peak_torque_Nm", lambda hop, e: e.p["peak torque"],
-        parameters=_peak("peak torque", "N m", largest_stall), path=_torque_peak, scale=largest_stall,
+        parameters=_peak("peak torque", "N m", largest_stall), path=_torque_peak, scale=largest_stall, fault=_slides,
     ),
     _economical(
         "peak_force", "largest ground force, its magnitude", "N", "peak_force_N", lambda hop, e: e.p["peak force"],

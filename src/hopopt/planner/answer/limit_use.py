@@ -107,8 +107,9 @@ def _joints(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     for k, joint in enumerate(plan.robot.joints):
         (low, high), (least, most) = (leg.joint[joint].lower, leg.joint[joint].upper), (q[:, k].min(), q[:, k].max())
         shares = float((high - least) / (high - low)), float((most - low) / (high - low))
-        yield Use("{} lower angle", (joint,), f"leg.{joint}.lower", low, shares[0], float(least), least=True)
-        yield Use("{} upper angle", (joint,), f"leg.{joint}.upper", high, shares[1], float(most))
+        place = leg.units(joint).place
+        yield Use(f"{{}} lower {place}", (joint,), f"leg.{joint}.lower", low, shares[0], float(least), least=True)
+        yield Use(f"{{}} upper {place}", (joint,), f"leg.{joint}.upper", high, shares[1], float(most))
 
 
 def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from hopopt.leg.geometry.above import above_ground
 from hopopt.leg.kinematics import reach
-from hopopt.leg.limit_id import Kind, LimitId, motor_power
+from hopopt.leg.limit_id import Kind, LimitId, motor_power, place_limit
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale, descent_range, force_range, friction_needed
 from hopopt.ocp.phases import FLIGHT, STANCE
@@ -155,7 +155,7 @@ def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
             shares[str(motor_power(leg, joint))] = drawn > (1 - ACTIVE) * region.power
         margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
-        shares[str(LimitId(Kind.ANGLE, joint))] = near < margin
+        shares[str(place_limit(leg, joint))] = near < margin
     shares |= _active_at_the_ground(plan, stance)
     for name, points in above_ground(plan.design).items():
         if name != "foot":

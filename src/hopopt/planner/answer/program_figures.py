@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.leg.limit_id import Kind, LimitId, kind_of
+from hopopt.leg.limit_id import Kind, kind_of, place_limit
 from hopopt.leg.scales import Scale
 from hopopt.nlp.refinement.continuous_limits import of_limits
 from hopopt.nlp.solver.ipopt import NlpSolution
@@ -154,7 +154,7 @@ def limit_gains(solution: NlpSolution, design: Design) -> dict[str, float]:
         lam = solution.lam_x[where.x].reshape(-1, size)[1:, at : at + q.size]  # the start itself is given
         span = q.column("upper") - q.column("lower")
         for k, joint in enumerate(q.labels):
-            angle = str(LimitId(Kind.ANGLE, joint))
+            angle = str(place_limit(design.leg, joint))
             gains[angle] = gains.get(angle, 0.0) + 0.01 * float(
                 np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k]
             )

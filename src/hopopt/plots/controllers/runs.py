@@ -108,7 +108,8 @@ def speed_torque(runs: Runs) -> Figure:
                 ax.plot(*point, marker, mfc="white", mec=look[name]["color"], mew=1.5, ms=6, zorder=5)
         for marker, label in (("o", "start"), ("s", "end of stance")):
             ax.plot([], [], marker, mfc="white", mec=GREY, mew=1.5, ms=6, label=label)
-        describe(ax, "speed [rad/s]", f"{joints[k]} torque [N m]")
+        _, speed, torque = next(iter(runs.values())).design.leg.units(joints[k]).labels
+        describe(ax, speed, f"{joints[k]} {torque}")
     legend(figure)
     return figure
 

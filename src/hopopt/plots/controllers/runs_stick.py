@@ -66,7 +66,7 @@ class _Poses:
         reach = sum(link.length for link in links)
         self.radius, self.t = 0.09 * reach, np.append(early, clock[end])
         self.contact = trace.contact[np.maximum(np.searchsorted(clock, self.t, side="right") - 1, 0)]
-        chain = np.stack([_at(self.t, clock, trace.points[name]) for name in (*trace.robot.leg.pivots, "foot")], axis=1)
+        chain = np.stack([_at(self.t, clock, trace.points[name]) for name in trace.robot.leg.chain], axis=1)
         left = np.minimum(chain[..., 0].min(axis=1), chain[:, 0, 0] - self.radius)
         right = np.maximum(chain[..., 0].max(axis=1), chain[:, 0, 0] + self.radius)
         self.x, self.z = chain[..., 0] - 0.5 * (left + right)[:, None], chain[..., 1]

@@ -38,7 +38,7 @@ def tracking(name: str, run: HopFigures, plan: PlanReference) -> Figure:
         added.axhline(0, color=GREY, lw=1, zorder=1)
         for ax in (torques, added):
             ax.axvline(run.lift_off["time_s"], color=GREY, lw=1, ls=":", zorder=1)
-        describe(torques, "", "torque [N m]", joints[j])
+        describe(torques, "", run.design.leg.units(joints[j]).labels[2], joints[j])
         describe(added, "time [s]; dotted: lift-off" if j == len(joints) - 1 else "", "added\n[% of full]")
     legend(figure)
     return figure

@@ -18,7 +18,7 @@ def obstacle(solution: Solution) -> Figure:
     figure, box = solution_figure(solution, "the area that the leg sweeps"), solution.summary.obstacle
     assert box is not None, "a hop over an obstacle"
     ax, samples = figure.subplots(), solution.sample(np.arange(0.0, solution.end, AREA_INTERVAL))
-    chain = np.stack([samples.points[name] for name in (*solution.robot.leg.pivots, "foot")], axis=1)  # (k, points, 2)
+    chain = np.stack([samples.points[name] for name in solution.robot.leg.chain], axis=1)  # (k, points, 2)
     quads = [
         [begin[j], begin[j + 1], end[j + 1], end[j]]
         for begin, end in pairwise(chain)

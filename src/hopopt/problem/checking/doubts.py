@@ -24,24 +24,31 @@ def doubts(design: Design) -> list[str]:
 
 def _torques(leg: Leg, found: LegFigures) -> list[str]:
     """Of what the drives carry at standstill."""
-    strongest = max(found.joints, key=lambda j: j.stall_torque)
-    entry, lever = _entry(leg, strongest, "max_torque", "N m"), found.weight * found.reach
+    levers = [found.weight * (1.0 if j.name in leg.sliding else found.reach) for j in found.joints]
+    strongest, lever = max(zip(found.joints, levers, strict=True), key=lambda each: each[0].stall_torque / each[1])
+    unit, times = leg.units(strongest.name).tau, _lever(leg, strongest)
+    entry = _entry(leg, strongest, "max_torque", unit)
     if found.push is not None and found.push < 1:
         return [
             f"at the start the drives hold {found.push:.2g} weights on the foot, less than the leg's own: look at {entry}"
         ]
     if strongest.stall_torque > STALL * lever:
         return [
-            f"the {strongest.name} has {strongest.stall_torque:.3g} N m at standstill, {strongest.stall_torque / lever:.2g} times "
-            f"weight times leg length (legs have less than {STALL:g}): look at {entry}"
+            f"the {strongest.name} has {strongest.stall_torque:.3g} {unit} at standstill, {strongest.stall_torque / lever:.2g} times "
+            f"{times} (legs have less than {STALL:g}): look at {entry}"
         ]
     return []
+
+
+def _lever(leg: Leg, joint: JointFigures) -> str:
+    """By what a joint's torque or force is measured, in words."""
+    return "the leg's weight" if joint.name in leg.sliding else "weight times leg length"
 
 
 def _speeds(leg: Leg, found: LegFigures) -> list[str]:
     """Of how fast each joint turns without load, an entry that they share once."""
     least, most = USUAL_SPEEDS
-    first = {behind(leg, j.name, "max_speed"): j for j in reversed(found.joints)}
+    first = {behind(leg, j.name, "max_speed"): j for j in reversed(found.joints) if j.name not in leg.sliding}
     return [
         f"the {j.name} turns at {j.no_load_speed:.3g} rad/s without load, {j.no_load_speed * found.time:.2g} sqrt(gravity / "
         f"leg length) (legs have {least:g} to {most:g}): look at {_entry(leg, j, 'max_speed', 'rad/s')}"
@@ -54,7 +61,7 @@ def _rotors(leg: Leg, found: LegFigures) -> list[str]:
     """Of rotors beside the links that they turn."""
     return [
         f"the rotor of the {j.name} has {j.rotor_inertia / j.link_inertia:.3g} times the inertia of its links "
-        f"({j.rotor_inertia:.3g} and {j.link_inertia:.3g} kg m^2 at the joint): look at "
+        f"({j.rotor_inertia:.3g} and {j.link_inertia:.3g} {leg.units(j.name).inertia} at the joint): look at "
         f"{_entry(leg, j, 'rotor_inertia', 'kg m^2')}"
         for j in found.joints
         if j.rotor_inertia > ROTOR * j.link_inertia

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from hopopt.design import EfficiencyTable, Leg, Simulation, physical_parameters
-from hopopt.design.leg import Supply
+from hopopt.design.leg import LINEAR, Supply
 from hopopt.drivetrain.gear import TABLE, efficiency_table, factor_curve
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking, reflected_inertia
@@ -26,6 +26,7 @@ NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 def drive_rules(leg: Leg, report: Report) -> None:
     """Report drives whose torque or speed nothing would bound: without a law both need a cap; motors that neither say their torque
     and speed nor have a datasheet that implies them."""
+    _linear_rules(leg, report)
     _datasheet_rules(leg, report)
     open_ended: dict[tuple[str, str], list[str]] = {}
     for joint in leg.joints:
@@ -35,6 +36,35 @@ def drive_rules(leg: Leg, report: Report) -> None:
     for (path, missing), joints in open_ended.items():
         words = f'give these caps, or "paper" or "four-quadrant" in {path}'
         report.add(path, f"= [] leaves nothing to bound {missing} of {', '.join(joints)}: {words}")
+
+
+def _linear_rules(leg: Leg, report: Report) -> None:
+    """Report entries of linear motors where none is, and beside those of motors that turn; transmissions of what slides."""
+    for path, motor, slides in (
+        ("leg.motor", leg.motor, False),
+        *((f"leg.{joint}.motor", leg.joint[joint].motor, joint in leg.sliding) for joint in leg.joints),
+    ):
+        given = [name for name in LINEAR.values() if motor is not None and getattr(motor, name) is not None]
+        turning = [name for name in (*LINEAR, "voltage") if motor is not None and getattr(motor, name) is not None]
+        if given and not slides:
+            report.add(
+                f"{path}.{given[0]}",
+                'is of a linear motor: it belongs to [leg.<joint>.motor] of a joint with type = "prismatic"',
+            )
+        elif given and motor is not None and motor.max_force is None:
+            report.add(f"{path}.max_force", f"is missing beside {given[0]}: a linear motor has a force at standstill")
+        elif given and turning:
+            report.add(
+                f"{path}.{turning[0]}",
+                f"is of a motor that turns, beside {given[0]} of a linear one: leave out one of them",
+            )
+    for joint in leg.joints:
+        between = leg.joint[joint].transmission
+        if between is not None and (joint in leg.sliding or {*(between.coupling or ())} & {*leg.sliding}):
+            report.add(
+                f"leg.{joint}.transmission",
+                "goes with joints that turn: a prismatic joint moves as its drive does, leave it out",
+            )
 
 
 def _datasheet_rules(leg: Leg, report: Report) -> None:
@@ -147,6 +177,8 @@ def _five_bar_rules(leg: Leg, joint: str, path: str, report: Report) -> None:
     elif leg.follows:
         link = next(name for name in leg.links if leg.link[name].follows is not None)
         report.add(path, f"does not go with leg.{link}.follows: leave out the one or the other")
+    elif leg.sliding:
+        report.add(path, f"does not go with the prismatic joint {leg.sliding[0]}: leave out the one or the other")
     elif not planar(leg):
         report.add(path, "is a chain in the plane of x and z, which this leg leaves: give every joint an axis along y")
     elif between is not None and between.coupling:

@@ -73,7 +73,7 @@ def _stated_over(leg: Leg) -> Iterator[str]:
 def _drives(leg: Leg, entry: str) -> Iterable[tuple[str, tuple[str, float, float]]]:
     """(joint, (path of the motor's entry, its value, gear ratio)), each path once."""
     found = {}
-    for joint in leg.joints:
+    for joint in (name for name in leg.joints if name not in leg.sliding):
         (path, value), (_, ratio) = leg.drive(joint, "motor", entry), leg.drive(joint, "gear", "ratio")
         found.setdefault(path, (joint, (path, value or 0.0, ratio)))
     return found.values()
@@ -81,7 +81,7 @@ def _drives(leg: Leg, entry: str) -> Iterable[tuple[str, tuple[str, float, float
 
 def _ranges(leg: Leg) -> Iterator[str]:
     radians = any(leg.link[name].inertia_tensor is not None for name in leg.links)  # as those of a URDF are
-    for name in leg.joints:
+    for name in (name for name in leg.joints if name not in leg.sliding):
         for side in ("lower", "upper"):
             value = getattr(leg.joint[name], side)
             if abs(value) > FURTHEST:

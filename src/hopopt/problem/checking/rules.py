@@ -32,7 +32,7 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
     for name in links:
         found += _link_faults(f"leg.{name}", _table(leg, name))
     for name in following:
-        found += _follower_faults(name, _table(_table(leg, name), "follows"), joints)
+        found += _follower_faults(name, _table(_table(leg, name), "follows"), joints, leg)
     found += _far_masses({f"leg.{name}": _table(leg, name) for name in links})
     found += _parameter_faults(_table(data, "parameters"))
     if is_number(legs := _table(leg, "body").get("legs")) and legs % 1:
@@ -87,17 +87,25 @@ def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, st
     yield from _vector_faults(path, joint, "axis")
     lower, upper = joint.get("lower"), joint.get("upper")
     if is_number(lower) and is_number(upper) and not lower < upper:
-        above = f"{path}.upper = {shown(upper)} rad"
-        yield f"{path}.lower", f"= {shown(lower)} rad is not below {above}: exchange or widen them"
+        unit = "m" if joint.get("type") == "prismatic" else "rad"
+        above = f"{path}.upper = {shown(upper)} {unit}"
+        yield f"{path}.lower", f"= {shown(lower)} {unit} is not below {above}: exchange or widen them"
 
 
-def _follower_faults(link: str, follows: Mapping[str, Any], joints: list[str]) -> Iterator[tuple[str, str]]:
+def _follower_faults(
+    link: str, follows: Mapping[str, Any], joints: list[str], leg: Mapping[str, Any]
+) -> Iterator[tuple[str, str]]:
     path, joint = f"leg.{link}.follows", follows.get("joint")
     yield from _vector_faults(path, follows, "axis")
     if isinstance(joint, str) and joints and joint not in joints:
         yield (
             f"{path}.joint",
             f"= {shown(joint)} is no joint of the leg{did_you_mean(joint, joints)}: allowed are {', '.join(joints)}",
+        )
+    if isinstance(joint, str) and _table(leg, joint).get("type") == "prismatic":
+        yield (
+            f"{path}.joint",
+            f"= {shown(joint)} slides, and what follows a joint turns as it turns: name one that turns",
         )
     if follows.get("ratio") == 0:
         yield f"{path}.ratio", "= 0 moves nothing: leave leg.links without this link, or give another ratio"
@@ -209,18 +217,19 @@ def _angle_faults(leg: Leg, angles: tuple[float, ...]) -> Iterator[tuple[str, st
         yield path, f"= {shown(angles)} {words}"
         return
     for k, (name, angle) in enumerate(zip(leg.joints, angles, strict=True)):
-        low, high = leg.joint[name].lower, leg.joint[name].upper
+        low, high, unit = leg.joint[name].lower, leg.joint[name].upper, leg.units(name).q
         if not low <= angle <= high:
-            needed = f"a number from leg.{name}.lower = {low:g} to leg.{name}.upper = {high:g} rad is needed"
-            words = f"is outside the limits of {name}: {needed}{lookalike(angle, 'rad', (low, high))}"
-            yield f"{path}[{k}]", f"= {angle} rad {words}"
+            needed = f"a number from leg.{name}.lower = {low:g} to leg.{name}.upper = {high:g} {unit} is needed"
+            words = f"is outside the limits of {name}: {needed}{lookalike(angle, unit, (low, high))}"
+            yield f"{path}[{k}]", f"= {angle} {unit} {words}"
 
 
 def _height_faults(leg: Leg, start: StartPose) -> Iterator[tuple[str, str]]:
     height, foot = start.hip_height, start.foot_x
     assert height is not None
     if not two_joints(leg):
-        apart = "whose joints follow others" if leg.follows else "whose links or joints leave the x-z plane"
+        unlike = leg.follows or leg.sliding
+        apart = "whose joints slide or follow others" if unlike else "whose links or joints leave the x-z plane"
         other = "with other than two joints" if len(leg.joints) != 2 else apart
         words = f"does not give the pose of a leg {other}: give start.joint_angles instead"
         yield "start.hip_height", f"= {height} m {words}"

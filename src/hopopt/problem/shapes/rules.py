@@ -42,7 +42,7 @@ def margin_rules(leg: Leg, hop: HopSettings, report: Report) -> None:
     if margin is None or not has_shape(leg) or hop.may_collide:
         return
     if not on_grid(leg):
-        which = "whose joints follow others" if leg.follows else f"of {len(leg.joints)} joints"
+        which = "whose joints slide or follow others" if leg.follows or leg.sliding else f"of {len(leg.joints)} joints"
         words = f"a leg {which} is measured, and not kept away: leave it out"
         report.add("hop.collision_margin", f"= {margin:g} m cannot be kept: {words}")
     elif margin > most:

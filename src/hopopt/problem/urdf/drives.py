@@ -20,6 +20,9 @@ def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, A
     for item in (each for each in found.links if each.follows is None):
         own = leg.get(item.joint)
         stated, given = _ratio(own, leg), _motor(own)
+        if item.slides and "max_torque" not in given:
+            drives[item.joint] = _linear(item, given, report)
+            continue
         turning = _turning(item, own) if stated is None else {}
         ratio = item.gearing.ratio if stated is None else stated
         known = for_all.keys() | (here := _implied(for_all | given, leg))
@@ -38,23 +41,40 @@ def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, A
     return {"motor": {} if implied else common} | drives
 
 
+def _linear(item: Any, given: Mapping[str, Any], report: Report) -> dict[str, Any]:
+    """Tables of a prismatic joint with a linear motor: effort [N] is its force at standstill, velocity its speed at no force."""
+    values = {"max_force": item.effort, "max_velocity": item.velocity}
+    usable = {name: value for name, value in values.items() if math.isfinite(value) and name not in given}
+    if missing := [name for name in values if name not in usable.keys() | given.keys()]:
+        _report_missing(item.joint, missing, report, alone=True)
+    more = {"rotor_mass": item.drive.armature} if item.drive.armature else {}
+    losses = {"friction": item.drive.friction, "damping": item.drive.damping}
+    lossy = {name: value for name, value in losses.items() if value}
+    return {"motor": usable | more} | ({"gear": lossy} if lossy else {})
+
+
 def _implied(motor: Mapping[str, Any], leg: Mapping[str, Any]) -> set[str]:
     """Which of max_torque and max_speed the datasheet of a motor implies, where it is not stated."""
     known = motor.keys() | ({"voltage"} if "supply" in leg else set())
     return {name for name, entries in IMPLIES.items() if name not in motor and known >= set(entries)}
 
 
-MEANT = {"max_torque": "effort", "max_speed": "velocity"}  # entries of a motor: what a URDF has for them
+MEANT = {
+    "max_torque": "effort",
+    "max_speed": "velocity",
+    "max_force": "effort",
+    "max_velocity": "velocity",
+}  # entries of a motor: what a URDF has for them
 
 
-def _report_missing(joint: str, entries: list[str], report: Report) -> None:
-    """Report what neither the problem nor the URDF states of a joint's motor."""
+def _report_missing(joint: str, entries: list[str], report: Report, alone: bool = False) -> None:
+    """Report what neither the problem nor the URDF states of a joint's motor; ``alone``: where no common motor can."""
     entry = f".{entries[0]}" if len(entries) == 1 else ""
     says = " and ".join(MEANT[entry] for entry in entries)
+    common = "" if alone else f", or {f'leg.motor{entry}' if entry else '[leg.motor]'} for all joints"
     report.add(
         f"leg.{joint}.motor{entry}",
-        f"is missing, and {shown_path(str(report.urdf))} states no usable {says} of {shown_path(joint)}: add it, or "
-        f"{f'leg.motor{entry}' if entry else '[leg.motor]'} for all joints",
+        f"is missing, and {shown_path(str(report.urdf))} states no usable {says} of {shown_path(joint)}: add it{common}",
     )
     report.unreadable = True  # what is missing then would only be said again
 

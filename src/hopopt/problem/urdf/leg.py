@@ -166,6 +166,7 @@ def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
         if item.follows is None:
             limits = dict(zip(("lower", "upper"), _limits(item, found), strict=True))
             tables[item.joint] = {k: v for k, v in limits.items() if math.isfinite(v)} | {"axis": item.axis}
+            tables[item.joint] |= {"type": "prismatic"} if item.slides else {}
         length = math.hypot(*item.vector)
         tables[name] = {
             "length": length, "direction": tuple(x / (length or 1.0) for x in item.vector), "mass": item.mass,

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.design.geometry.link_joint import SLIDING, TURNING
+from hopopt.design.leg import LINEAR
 from hopopt.leg.files.urdf import UrdfLeg
 from hopopt.problem.checking.entries import bounds_of, entry_at
 from hopopt.problem.checking.faults import Report
@@ -14,6 +16,7 @@ from hopopt.problem.render import shown_path
 WHOLE_TURN = 6.27  # rad; nearly: files round it
 VERTICAL = 0.99  # of an axis of length 1, its part along z
 STRONGEST, FASTEST = 1000.0, 100.0  # N m, rad/s of a joint: more than any has; files say so where there is no limit
+PUSHING = 1e5  # N of a linear motor, likewise; speeds above FASTEST [m/s] are none either
 
 
 def urdf_rules(found: UrdfLeg, leg: Mapping[str, Any], tables: Mapping[str, Any], report: Report) -> None:
@@ -29,7 +32,7 @@ def urdf_rules(found: UrdfLeg, leg: Mapping[str, Any], tables: Mapping[str, Any]
 
 def _upright(found: UrdfLeg, report: Report) -> None:
     """Report a leg all of whose joints turn about the vertical: in its file another axis than z is up."""
-    if all(abs(item.axis[2]) > VERTICAL for item in found.links):
+    if all(abs(item.axis[2]) > VERTICAL and not item.slides for item in found.links):
         turning = f"turn about the vertical of {report.urdf}, and so lift nothing: a robot stands with z up"
         turn = 'rpy = "1.5707963 0 0" if y is up'
         report.add("leg.joints", f"{turning}; turn it by a fixed joint between a new root link and its body ({turn})")
@@ -73,12 +76,14 @@ def _placeholders(found: UrdfLeg, tables: Mapping[str, Any], report: Report) -> 
 
     limits, drives = list[str](), list[str]()
     for item in (each for each in found.links if each.follows is None):
+        units = SLIDING if item.slides else TURNING
         for side, value in (("lower", item.lower), ("upper", item.upper)):
             if ours(path := f"leg.{item.joint}.{side}") and abs(value) >= WHOLE_TURN:
-                limits.append(f"{path} ({value:g} rad)")
+                limits.append(f"{path} ({value:g} {units.q})")
+        names = LINEAR if item.slides else {}
         for entry, value, unit, most in (
-            ("max_torque", item.effort, "N m", STRONGEST),
-            ("max_speed", item.velocity, "rad/s", FASTEST),
+            (names.get("max_torque", "max_torque"), item.effort, units.tau, PUSHING if item.slides else STRONGEST),
+            (names.get("max_speed", "max_speed"), item.velocity, units.v, FASTEST),
         ):
             path = f"leg.{item.joint}.motor.{entry}"
             if entry in tables.get(item.joint, {}).get("motor", {}) and ours(path) and value >= most:

@@ -7,7 +7,7 @@ import numpy as np
 
 from hopopt.compiled.kernel import kernel
 from hopopt.design import Leg
-from hopopt.leg.scales import Scale, stall_torques
+from hopopt.leg.scales import Scale, radians, stall_torques
 
 YIELDS = 0.01  # [rad] that a stop gives way to its drive's stall torque
 LOSS = 0.3  # [s/rad] on the paper's leg
@@ -25,14 +25,14 @@ def near(q: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, h: 
 
 @kernel
 def torque(
-    q: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, stiffness: np.ndarray, loss: float
+    q: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, stiffness: np.ndarray, loss: np.ndarray
 ) -> np.ndarray:
     """``Stops.torque``, compiled."""
     found = np.zeros(len(q))
     for k in range(len(q)):
         depth = max(q[k] - upper[k], 0.0) + min(q[k] - lower[k], 0.0)
         if depth != 0.0:
-            found[k] = -stiffness[k] * depth * max(1 + loss * np.sign(depth) * w[k], 0.0)
+            found[k] = -stiffness[k] * depth * max(1 + loss[k] * np.sign(depth) * w[k], 0.0)
     return found
 
 
@@ -40,20 +40,20 @@ def torque(
 class Stops:
     """End stops of the joints: springs with loss (Hunt and Crossley, 1975) beyond the limits lower, upper (n) [rad].
 
-    stiffness (n) [N m/rad]; loss [s/rad] is how much harder they push against an entering joint.
+    stiffness (n) [N m/rad]; loss (n) [s/rad] is how much harder they push against an entering joint.
     """
 
     lower: np.ndarray
     upper: np.ndarray
     stiffness: np.ndarray
-    loss: float
+    loss: np.ndarray
 
     @classmethod
     def of(cls, leg: Leg) -> Self:
         """Of a leg's joints, as hard as its drives are strong."""
         joints = [leg.joint[name] for name in leg.joints]
         lower, upper = (np.array([getattr(j, side) for j in joints]) for side in ("lower", "upper"))
-        return cls(lower, upper, stall_torques(leg) / YIELDS, LOSS * Scale.of(leg).time)
+        return cls(lower, upper, stall_torques(leg) / (YIELDS * radians(leg)), LOSS * Scale.of(leg).time / radians(leg))
 
     def near(self, q: np.ndarray, w: np.ndarray, h: float) -> bool:
         """Whether a joint is beyond a limit, or will be within h [s] at about this speed."""

@@ -52,7 +52,7 @@ def swept(machine: Machine, hop: HopSettings, tables: Mapping[str, Table]) -> Li
         q = dense(NORMALISED_TIMES, table.q, AT).reshape(-1, table.q.shape[-1])
         beside = np.array([ahead if name == LANDING else 0.0, 0.0])
         paths = machine.paths(q)
-        chain = [paths[point] + beside for point in (*machine.robot.leg.pivots, "foot")]
+        chain = [paths[point] + beside for point in machine.robot.leg.chain]
         begins += chain[:-1]
         ends += chain[1:]
     A, B = np.concatenate(begins), np.concatenate(ends)

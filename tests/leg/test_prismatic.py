@@ -1,0 +1,175 @@
+"""Legs whose joints slide: pogo legs against closed forms, a telescope against Pinocchio and MuJoCo, and what is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hopopt.design import Design
+from hopopt.errors import ProblemFileError
+from hopopt.leg.derived import derived
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.files.export import to_mjcf, to_urdf
+from hopopt.leg.kinematics import foot_jacobian, joint_positions
+from hopopt.leg.robot import BASE, build_robot
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.sim import mujoco
+from hopopt.sim.machine import Machine
+
+FORCE, STROKE, BODY, G = 200.0, 0.3, 5.0, 9.81
+POGO = f"""
+name = "pogo"
+[leg]
+joints = ["slide"]
+links = ["rod"]
+body.mass = {BODY}
+rod = {{length = 0.3, mass = 0.5, com = 0.0}}
+[leg.slide]
+type = "prismatic"
+lower = 0.0
+upper = {STROKE}
+motor = {{max_force = {FORCE}, max_velocity = 90.0, force_cap = {FORCE}, laws = []}}
+gear.speed_cap = 50.0
+[start]
+joint_angles = [0.0]
+[solver]
+starts = 1
+"""
+TELESCOPE = """
+name = "telescope"
+[leg]
+joints = ["hip", "slide"]
+links = ["tube", "rod"]
+body.mass = 4.0
+motor = {max_torque = 1.0, max_speed = 400.0, rotor_inertia = 2e-5}
+gear.ratio = 20.0
+hip = {lower = -1.2, upper = 1.2}
+tube = {length = 0.05, mass = 1.0, com = 0.05, inertia = 0.0024}
+rod = {length = 0.35, mass = 0.4}
+[leg.slide]
+type = "prismatic"
+lower = 0.0
+upper = 0.2
+motor = {max_force = 200.0, max_velocity = 4.0, rotor_mass = 0.1}
+[start]
+joint_angles = [0.0, 0.03]
+[solver]
+starts = 1
+"""
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Any:
+    """Reads a problem, with overrides."""
+
+    def read(text: str, *overrides: str) -> Design:
+        (tmp_path / "leg.toml").write_text(text)
+        return load(tmp_path / "leg.toml", overrides)
+
+    return read
+
+
+@pytest.mark.slow
+def test_a_pogo_leg_rises_as_a_constant_force_over_its_stroke_lifts_it(read: Any) -> None:
+    """It leaves the ground at travel q so that its drive, pulling as hard, just stops the foot's mass at the end of the stroke:
+    with v^2 = 2 q (F / m - g) and reduced mass mu, q + mu v^2 / (2 F) = s; the momentum m v lifts both."""
+    foot = 0.5
+    mu = BODY * foot / (BODY + foot)
+    q = STROKE / (1 + mu * (1 / BODY - G / FORCE))
+    v = np.sqrt(2 * q * (FORCE / BODY - G)) * BODY / (BODY + foot)
+    top = 0.3 + q * BODY / (BODY + foot) + v**2 / (2 * G)
+    found = solve(read(POGO), objective="apex")
+    assert found.verified
+    assert found.sample([found.duration]).points["com"][0, 1] == pytest.approx(top, abs=1e-6)
+
+
+def test_a_massless_pogo_leg_is_bounded_by_the_work_of_its_stroke(read: Any) -> None:
+    """(F - m g) s / (m g) of rise, from the closed form above with no foot's mass; by speed nothing sees it."""
+    design = read(POGO, "leg.rod.mass=1e-4", "leg.rod.inertia=1e-8")
+    robot = build_robot(design.leg)
+    M = Machine(robot)
+    still = M.acceleration(np.array([0.0, 0.0, 0.0]), np.zeros(3), np.array([FORCE]), True)
+    assert still[1] == pytest.approx(FORCE / BODY - G, rel=1e-4)
+    np.testing.assert_allclose(M.points(np.array([0.0, 1.0, 0.1]))["body"], [0, 1], atol=1e-15)
+    np.testing.assert_allclose(M.points(np.array([0.0, 1.0, 0.1]))["foot"], [0, 0.6], atol=1e-15)
+
+
+def test_a_telescope_moves_as_pinocchio_reads_it_from_a_urdf(read: Any) -> None:
+    robot = build_robot(read(TELESCOPE).leg)
+    free = pin.buildModelFromXML(to_urdf(robot))
+    q, v, a = np.random.default_rng(2).normal(size=(3, BASE + 2))
+    data = free.createData()
+    expected = pin.rnea(free, data, q, v, a)
+    expected[BASE:] += robot.rotors * a[BASE:]
+    assert robot.rotors[1] == pytest.approx(0.1, rel=1e-15)
+    np.testing.assert_allclose(Machine(robot).inverse_dynamics(q, v, a), expected, atol=1e-9)
+    names = [ca.SX.sym(x, BASE + 2) for x in "qva"]
+    planned = ca.Function("f", names, [LegDynamics(robot, robot.parameters).inverse_dynamics(*names)])
+    np.testing.assert_allclose(planned(q, v, a).full()[:, 0], expected, atol=1e-9)
+    pin.framesForwardKinematics(free, data, q)
+    foot = free.getFrameId("foot")
+    np.testing.assert_allclose(joint_positions(robot.leg, q[BASE:])[-1, [0, 2]] + q[:BASE], data.oMf[foot].translation[[0, 2]], atol=1e-12)  # fmt: skip
+    J = pin.computeFrameJacobian(free, data, q, foot, pin.LOCAL_WORLD_ALIGNED)[:3, BASE:]
+    np.testing.assert_allclose(foot_jacobian(robot.leg, q[BASE:]), J, atol=1e-12)
+    tau, machine = np.array([1.0, -2.0]), Machine(robot)
+    moved = machine.acceleration(q, v, tau, False)
+    later, before = (machine.energy(q + h * v, v + h * moved) for h in (1e-6, -1e-6))
+    assert (later - before) / 2e-6 == pytest.approx(tau @ v[BASE:], rel=1e-6)  # with the rotor's mass
+
+
+@pytest.mark.parametrize(("kind", "write"), [("urdf", to_urdf), ("mjcf", to_mjcf)])
+def test_what_is_written_reads_back(kind: str, write: Any, read: Any, tmp_path: Path) -> None:
+    """A URDF knows no rotor's mass and an MJCF no speed at no force."""
+    leg = read(TELESCOPE).leg
+    (tmp_path / "robot.xml").write_text(write(build_robot(leg)))
+    speeds = "hip.motor.max_speed = 20.0\nslide.motor.max_velocity = 4.0\n" if kind == "mjcf" else ""
+    again = read(
+        f'name = "t"\n[leg]\n{kind} = "robot.xml"\njoints = ["hip", "slide"]\nfoot_frame = "foot"\n{speeds}'
+        "body.mass = 4.0\n[start]\njoint_angles = [0.0, 0.03]\n"
+    ).leg
+    for entry, value in (("max_torque", 200.0), ("max_speed", 4.0), ("rotor_inertia", 0.1 if kind == "mjcf" else 0.0)):
+        assert again.drive("slide", "motor", entry)[1] == pytest.approx(value, rel=1e-12)
+    assert again.sliding == ("slide",)
+    assert again.joint["slide"].axis == leg.joint["slide"].axis
+    assert (again.joint["slide"].lower, again.joint["slide"].upper) == (0.0, 0.2)
+
+
+def test_a_spindle_turns_its_motor(read: Any) -> None:
+    """A motor that turns by 200 rad for a metre: its torque is a force, its rotor a mass, by the ratio and its square."""
+    own = "gear.ratio = 200.0\nmotor = {max_torque = 1.0, max_speed = 800.0, rotor_inertia = 1e-5}"
+    design = read(TELESCOPE.replace("motor = {max_force = 200.0, max_velocity = 4.0, rotor_mass = 0.1}", own))
+    slide = derived(design).joints[1]
+    assert (slide.stall_torque, slide.no_load_speed, slide.rotor_inertia) == pytest.approx((200.0, 4.0, 0.4))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["leg.motor.max_force=3.0"], "leg.motor.max_force is of a linear motor"),
+        (["leg.hip.motor={max_force=3.0, max_velocity=1.0}"], "leg.hip.motor.max_force is of a linear motor"),
+        (["leg.slide.motor.max_torque=3.0"], "leg.slide.motor.max_torque is of a motor that turns"),
+        (["leg.slide.transmission.linear.slope=0.1"], "leg.slide.transmission goes with joints that turn"),
+        (["leg.hip.transmission.coupling.slide.ratio=1.0"], "leg.hip.transmission goes with joints that turn"),
+        (["start.joint_angles=[0.0, 0.3]"], "= 0.3 m is outside the limits of slide"),
+        (["leg.slide.lower=0.3"], "leg.slide.lower = 0.3 m is not below leg.slide.upper = 0.2 m"),
+    ],
+)
+def test_what_does_not_go_with_a_prismatic_joint_is_refused_in_a_sentence(
+    overrides: list[str], words: str, read: Any
+) -> None:
+    with pytest.raises(ProblemFileError) as raised:
+        read(TELESCOPE, *overrides)
+    assert words in raised.value.problems[0]
+
+
+@pytest.mark.slow
+def test_a_telescope_hops_in_pinocchio_and_in_mujoco(read: Any) -> None:
+    pytest.importorskip("mujoco")
+    found = solve(read(TELESCOPE))
+    assert found.verified
+    trace = mujoco.replay(found.robot, found)
+    assert trace.lowest[-1] == pytest.approx(found.sample([found.duration]).lowest[-1], abs=3e-4)
