@@ -149,6 +149,8 @@ class _Loop:
 class ClosedChains:
     """The leg with the cranks and rods of its five-bars as Pinocchio moves it, in the leg's own coordinates (2 + n)."""
 
+    _kept: tuple[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] | None
+
     def __init__(self, model: pin.Model, leg: Leg, p: Mapping[str, float]):
         self._made_of, self.own = (model, leg, p), model.nv
         self.model, self.loops = model.copy(), list[_Loop]()
@@ -157,7 +159,7 @@ class ClosedChains:
         arms = arm_points(leg, p)
         for joint in reversed(leg.five_bars):  # so that every joint's subtree stays in one piece, as Pinocchio wants it
             self._add(leg, joint, p, *arms[arm_point(joint)])
-        self.data = self.model.createData()
+        self.data, self._kept = self.model.createData(), None
 
     def __reduce__(self) -> tuple[Any, ...]:
         return ClosedChains, self._made_of
@@ -200,13 +202,17 @@ class ClosedChains:
         return found
 
     def _moved(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """All angles; S, how all coordinates move with the leg's own (m, 2 + n); and the inverse of dc/dy."""
-        whole = self.whole(q)
-        pin.computeJointJacobians(self.model, self.data, whole)
-        pin.updateFramePlacements(self.model, self.data)
-        rows = np.vstack([self._end(loop, "rod") - self._end(loop, "arm") for loop in self.loops])
-        closing = np.linalg.inv(rows[:, self.own :])
-        return whole, np.vstack([np.eye(self.own), -closing @ rows[:, : self.own]]), closing
+        """All angles; S, how all coordinates move with the leg's own (m, 2 + n); and the inverse of dc/dy. Kept of the last pose, as
+        it is asked for several times over."""
+        if self._kept is None or self._kept[0] != q.tobytes():
+            whole = self.whole(q)
+            pin.computeJointJacobians(self.model, self.data, whole)
+            pin.updateFramePlacements(self.model, self.data)
+            rows = np.vstack([self._end(loop, "rod") - self._end(loop, "arm") for loop in self.loops])
+            closing = np.linalg.inv(rows[:, self.own :])
+            S = np.vstack([np.eye(self.own), -closing @ rows[:, : self.own]])
+            self._kept = q.tobytes(), (whole, S, closing)
+        return self._kept[1]
 
     def _end(self, loop: _Loop, part: str) -> np.ndarray:
         frame = self.model.getFrameId(f"{loop.joint} {part}'s end")
