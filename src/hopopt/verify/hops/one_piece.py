@@ -5,10 +5,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from hopopt.drivetrain.gear import motor_torque
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
-from hopopt.verify.drives import Drives
+from hopopt.verify.drives import Drives, at_drives
 from hopopt.verify.table import LANDING, NORMALISED_TIMES, POWERS, STANDING, TO_POWERS, Table
 
 FEEDBACK_RATE = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
@@ -16,6 +17,7 @@ FOLLOWS = 1e-3  # [s] on the paper's leg: within which a torque of limited rate 
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it slow
 
 LegState = tuple[np.ndarray, np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints, states of the drives
+Driven = tuple[np.ndarray, np.ndarray, np.ndarray]  # of ``at_drives``
 Law = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motor torques [N m] from place, q, v, states
 
 
@@ -39,8 +41,9 @@ def simulated_hop(
 def _simulated(machine: Machine, drives: Drives, plan: Table, state: LegState, contact: bool) -> tuple[Table, LegState]:
     """One phase from ``state``: its table, and the state in which it ends."""
     rows, unit = list[tuple[np.ndarray, ...]](), Scale.of(machine.leg).time
+    driven = at_drives(machine.robot, plan) if drives.gear and not drives.states.size else None
     for k in range(len(plan.t)):
-        torque = _law(machine, drives, plan, k, contact, unit)
+        torque = _law(machine, drives, plan, k, contact, unit, driven)
         rows.append(_interval(machine, drives, torque, plan.t[k], state, contact, plan.asked_rate[k], FOLLOWS * unit))
         state = rows[-1][0][-1], rows[-1][1][-1], rows[-1][-1][-1]
     q, v, a, tau, f, motor, own = (np.array(part) for part in zip(*rows, strict=True))
@@ -48,27 +51,39 @@ def _simulated(machine: Machine, drives: Drives, plan: Table, state: LegState, c
     return Table(plan.t, q, v, a, tau, f, motor if apart else None, own if drives.states.size else None), state
 
 
-def _law(machine: Machine, drives: Drives, plan: Table, k: int, contact: bool, unit: float) -> Law:
+def _law(
+    machine: Machine, drives: Drives, plan: Table, k: int, contact: bool, unit: float, driven: Driven | None
+) -> Law:  # fmt: skip
     """The plan's torque in its interval k, kept to its motion, of drives behind series springs theirs, by feedback and within
-    the regions; ``unit`` of time [s]."""
-    q, v, tau = plan.q[k], plan.v[k], plan.asked[k]
+    the regions; ``unit`` of time [s]; driven: what the drives of the plan do, None where their torques are interpolated."""
+    q, v = plan.q[k], plan.v[k]
     x = np.zeros((len(q), 0)) if plan.drive is None else plan.drive[k]
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
     rate = FEEDBACK_RATE / unit
     stiffness, damping = rate**2 * inertia, 2 * rate * inertia
     toward = drives.angles(q[:, BASE:], x) @ stiffness.T + drives.states.speeds(x, v[:, BASE:]) @ damping.T
-    ahead, planned = (TO_POWERS @ (tau + toward)).T, (TO_POWERS @ tau).T
+    ahead, planned = (TO_POWERS @ toward).T, _planned(drives, plan, k, driven)
 
     def torque(place: float, angle: np.ndarray, speed: np.ndarray, own: np.ndarray) -> np.ndarray:
         powers = (2 * place - 1) ** POWERS
         if drives.states.sprung:
             angle, speed = drives.angles(angle, own), drives.states.speeds(own, speed)
-        if drives.turning is None:
-            return drives.clamp(speed, ahead @ powers - stiffness @ angle - damping @ speed)
-        back = (ahead - planned) @ powers - stiffness @ angle - damping @ speed
-        return drives.clamp(drives.speeds(angle, speed), planned @ powers + drives.asked(angle, back))
+        back = ahead @ powers - stiffness @ angle - damping @ speed
+        return drives.clamp(drives.speeds(angle, speed), planned(powers) + drives.asked(angle, back))
 
     return torque
+
+
+def _planned(drives: Drives, plan: Table, k: int, driven: Driven | None) -> Callable[[np.ndarray], np.ndarray]:
+    """What a plan asks of the motors (n) [N m] in its interval k, by powers of the place: by the gears' law where they lose.
+
+    A motor's torque has a corner where its gear goes from driving to braking, that of its joint has none.
+    """
+    gear, asked = drives.gear, (TO_POWERS @ plan.asked[k]).T
+    if gear is None or driven is None:
+        return lambda powers: asked @ powers
+    w, rate, tau = ((TO_POWERS @ each[k]).T for each in driven)
+    return lambda powers: motor_torque(gear, tau @ powers, w @ powers, rate @ powers, drives.rotor)
 
 
 def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
