@@ -9,6 +9,11 @@ from hypothesis import strategies as st
 
 from hopopt.drivetrain.gear import Gear, driven_joints, joint_torque, motor_torque
 from hopopt.drivetrain.teeth.law import passed_torque, teeth_torque
+from hopopt.leg.robot import build_robot
+from hopopt.problem.load import load
+from hopopt.verify.drives import Drives, at_drives
+from hopopt.verify.hops.one_piece import planned
+from hopopt.verify.table import NORMALISED_TIMES, POWERS, Table
 
 SHARP: dict[str, Any] = {"slow": 1e-4, "sharp": 1e-6}  # so that closed forms hold to 1e-6
 LOSSES = (st.floats(0.05, 1), st.floats(0, 10), st.floats(0, 5))
@@ -70,3 +75,22 @@ def test_driven_joints_move_as_they_are_said_to() -> None:
     tau = driven_joints(gear, motor, w, still, response, rotor)
     a = still + response @ tau
     np.testing.assert_allclose(motor_torque(gear, tau, w, a, rotor), motor, rtol=1e-10)
+
+
+def test_a_plan_asks_its_motor_by_the_law_between_nodes_too() -> None:
+    """Where a gear goes from driving to braking within an interval: tau / eta before and tau eta after, which no polynomial is."""
+    robot = build_robot(load("paper", {"leg.gear.efficiency": 0.7}).leg)
+    at = NORMALISED_TIMES[:, None]
+    still, tau = np.zeros((1, 9, 4)), 40.0 * (0.45 - at) * np.ones(2)
+    v = still + np.array([0.0, 0.0, 3.0, 3.0])
+    drives = Drives.of(robot)
+    assert drives.gear is not None
+    command = motor_torque(drives.gear, tau, v[0, :, 2:], still[0, :, 2:], robot.rotors)
+    plan = Table(0.01 * at.T, still, v, still, tau[None], still[..., :2], command[None])
+    asked = planned(drives, plan, 0, at_drives(robot, plan))
+    for place in (0.03, 0.4, 0.5, 0.97):
+        out = 40.0 * (0.45 - place)
+        exact = out / 0.7 if out > 0 else out * 0.7
+        np.testing.assert_allclose(asked((2 * place - 1) ** POWERS), exact, atol=0.01)
+    interpolated = planned(drives, plan, 0, None)((2 * 0.45 - 1) ** POWERS)
+    assert np.abs(interpolated).min() > 0.1  # it is none there

@@ -62,19 +62,19 @@ def _law(
     rate = FEEDBACK_RATE / unit
     stiffness, damping = rate**2 * inertia, 2 * rate * inertia
     toward = drives.angles(q[:, BASE:], x) @ stiffness.T + drives.states.speeds(x, v[:, BASE:]) @ damping.T
-    ahead, planned = (TO_POWERS @ toward).T, _planned(drives, plan, k, driven)
+    ahead, asked = (TO_POWERS @ toward).T, planned(drives, plan, k, driven)
 
     def torque(place: float, angle: np.ndarray, speed: np.ndarray, own: np.ndarray) -> np.ndarray:
         powers = (2 * place - 1) ** POWERS
         if drives.states.sprung:
             angle, speed = drives.angles(angle, own), drives.states.speeds(own, speed)
         back = ahead @ powers - stiffness @ angle - damping @ speed
-        return drives.clamp(drives.speeds(angle, speed), planned(powers) + drives.asked(angle, back))
+        return drives.clamp(drives.speeds(angle, speed), asked(powers) + drives.asked(angle, back))
 
     return torque
 
 
-def _planned(drives: Drives, plan: Table, k: int, driven: Driven | None) -> Callable[[np.ndarray], np.ndarray]:
+def planned(drives: Drives, plan: Table, k: int, driven: Driven | None) -> Callable[[np.ndarray], np.ndarray]:
     """What a plan asks of the motors (n) [N m] in its interval k, by powers of the place: by the gears' law where they lose.
 
     A motor's torque has a corner where its gear goes from driving to braking, that of its joint has none.
