@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from numba.core import config
+from numba.core import config as numba_config
 
 from hopopt.compiled import kernel_cache
 from hopopt.compiled.kernel import LEVEL, kernel
+
+config: Any = numba_config  # whose entries type checkers do not know
 
 
 @pytest.fixture

@@ -297,7 +297,7 @@ def test_an_error_of_the_energy_is_seen(smooth: dict[float, Trace]) -> None:
 def test_gears_only_take_energy_and_the_balance_still_closes(paper: Design, gear: Gear) -> None:
     robot = build_robot(paper.leg)
     plant = Plant(robot, Drive([OperatingRegion((HalfPlane("+", 1e-9, 0), HalfPlane("-", -1e-9, 0)))] * 2, gear))
-    trace = plant.run(start_angles(paper), Spring(np.array([0.35, -0.7])), 0.1, timing=Timing(PERIOD, hold=False))
+    trace = plant.run(start_angles(paper), Spring(np.array([0.35, -0.7])), 0.05, timing=Timing(PERIOD, hold=False))
     assert trace.energy_error < 1e-6
     assert np.all(np.diff(trace.work[:, 1]) >= -1e-12)
     assert trace.work[-1, 1] > 0.1
