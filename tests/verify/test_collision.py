@@ -85,6 +85,23 @@ def test_a_link_that_keeps_less_than_the_margin_fails_by_what_is_missing(plan: S
     assert again.residual == pytest.approx(check.residual, abs=1e-9)
 
 
+def test_neighbours_that_turn_beside_each_other_are_measured_and_nothing_is_promised(
+    plan: Solution, tmp_path: Path
+) -> None:
+    """A plate 1 mm beside the hip, which the thigh passes at every angle."""
+    with_ball(tmp_path, np.array([5.0, 5.0]))
+    plate = "[leg.thigh]\nradius = 0.02\n[leg.body.shapes.plate]\nbox = [0.02, 0.01, 0.02]\nat = [0.0, 0.026, 0.0]\n"
+    (tmp_path / "ball.toml").write_text((tmp_path / "ball.toml").read_text() + plate)
+    design = load(tmp_path / "ball.toml")
+    near = collision(design, plan.tables)
+    assert near is not None
+    assert near.between == ("thigh", "plate")
+    assert near.least_distance_m == pytest.approx(0.001, abs=1e-6)
+    assert near.margin_m is None
+    (check,) = collision_checks(design, plan.tables)
+    assert check.passed
+
+
 @pytest.mark.slow
 def test_a_planted_ball_is_avoided_and_costs_height(plan: Solution, tmp_path: Path) -> None:
     """The margin is kept by coal, whose distances the planner does not see."""

@@ -72,8 +72,8 @@ def _promised(
     design: Design, planned: Clearances | None, found: Distances, pair: tuple[int, int]
 ) -> tuple[float, float] | None:
     """What the plan keeps between a pair, and by how much the smooth distance errs that it keeps it by [m]; None of a pair that
-    can never come near."""
-    if planned is None:
+    can never come near, or need not be kept apart."""
+    if planned is None or pair in found.beside:
         return None
     other, joint = (found.solids[k].joint for k in pair)
     each = zip(planned.links, kept(design, planned), strict=True)
