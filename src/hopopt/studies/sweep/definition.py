@@ -279,7 +279,7 @@ def whole_number(design: Design, entry: str) -> bool:
     return type(values_of(design).get(entry)) is int
 
 
-def check_entry(design: Design, a: Axis, own: Mapping[str, Entry]) -> None:
+def check_entry(design: Design, a: Axis, own: Mapping[str, Entry] | None = None) -> None:
     """That there is such an entry, and that it is a number, or takes the names, with those of one's ``own``."""
     path, index = place(a.entry)
     value = values_of(design).get(path)
