@@ -76,7 +76,10 @@ def test_every_row_says_what_a_script_needs(comparison):
 
 
 def test_parts_gaps_and_shares_add_up(comparison):
-    best = comparison.bound
+    best, steps = comparison.bound, comparison.as_dict()["gap_steps"]
+    assert [step["reaches"] for step in steps[:2]] == ["plan", "track"]
+    highest = max(comparison.figures[name].clearance for name in ("force", "force_tuck", "position"))
+    assert sum(step["costs_m"] for step in steps) == pytest.approx(best - highest, abs=1e-12)
     for row in comparison.as_dict()["strategies"].values():
         assert sum(row["parts"].values()) == pytest.approx(row["clearance_m"], abs=1e-12)
         assert sum(row["budget"].values()) == pytest.approx(row["clearance_m"], abs=1e-12)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.comparison.gap_steps import gap_steps
 from hopopt.control.closed_loop import Run, clearance_in_mujoco, make_controller, make_plant, simulate
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design, refuse_landed
@@ -137,6 +138,7 @@ class Comparison:
             "notes": list(self.notes),
             "tracked_plan_m": self.plan.clearance if self.plan else None,
             "tracked_plan_verified": self.plan.verified if self.plan else None,
+            "gap_steps": [vars(step) for step in gap_steps(self.solution, self.plan, self.figures)],
             "strategies": {name: self.row(name) for name in self.figures},
         }
 

@@ -41,6 +41,7 @@ def comparison(found: Mapping[str, Any]) -> Iterator[Shown]:
     yield from (_spread(name, spread) for name, spread in found.get("mismatch", {}).items())
     if "four_numbers" in found:
         yield _four(found["four_numbers"])
+    yield from _gap_steps(found)
     yield from ladder(found)
     elsewhere = {name: row["mujoco_clearance_m"] for name, row in rows.items() if "mujoco_clearance_m" in row}
     if elsewhere:
@@ -169,6 +170,13 @@ def _four(found: Mapping[str, Any]) -> Table:
             rows.append((f"{best['strategy']}, {legs}", f"{best['clearance_m']:.3f}"))
     columns = [Column("what can be had", style="bold"), Column("m", justify="right")]
     return table(columns, rows, between=(0, 1))
+
+
+def _gap_steps(found: Mapping[str, Any]) -> Iterator[Shown]:
+    """What feedback takes of the gap and what the reference takes, in a line, if they can be told apart."""
+    if steps := found.get("gap_steps"):
+        parts = [f"{s['gives_up']} {cm(-s['costs_m'])} cm ({s['reaches']} {s['clearance_m']:.3f} m)" for s in steps]
+        yield f"from the bound of {found['bound_m']:.3f} m down: {', '.join(parts)}"
 
 
 def ladder(found: Mapping[str, Any]) -> Iterator[Shown]:
