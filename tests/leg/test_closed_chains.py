@@ -14,6 +14,7 @@ from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.ocp.transitions import impact
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
 from hopopt.sim.plant import Plant
@@ -89,6 +90,13 @@ def test_planner_and_pinocchio_agree(legs: str, contact: bool) -> None:
     step = 1e-6
     late, early = (machine.energy(q + s * v + s**2 / 2 * a, v + s * a) for s in (step, -step))
     assert (late - early) / (2 * step) == pytest.approx(power, rel=1e-5)
+
+
+def test_a_touchdown_leaves_the_same_speeds_by_planner_and_pinocchio() -> None:
+    robot = robot_with(ACROSS | HEAVY)
+    q, v = ca.SX.sym("q", 4), ca.SX.sym("v", 4)
+    after = ca.Function("after", [q, v], [impact(LegDynamics(robot, robot.parameters), q, v)[0]])
+    assert after(Q, V).full()[:, 0] == pytest.approx(Machine(robot).touch_down(Q, V), rel=1e-9)
 
 
 def with_crank_and_rod(robot: Robot, b: dict[str, Any]) -> tuple[pin.Model, pin.RigidConstraintModel]:
