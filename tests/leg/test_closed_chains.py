@@ -218,6 +218,8 @@ def test_what_knows_no_closed_chain_says_so_and_simulations_go_by_pinocchio() ->
     with pytest.raises(UsageError, match=r"knows no closed chains: leave out leg\.knee\.transmission\.five_bar"):
         to_mjcf(build_robot(design.leg))
     assert type(make_plant(design)) is Plant
+    with pytest.raises(UsageError, match=r"leg\.knee\.transmission\.five_bar cannot close where the leg has moved to"):
+        build_robot(design.leg, {f"{FIVE_BAR}.rod": 0.2}).mass_matrix(Q)
 
 
 @pytest.mark.slow

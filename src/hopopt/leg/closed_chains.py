@@ -20,11 +20,17 @@ import pinocchio as pin
 from hopopt.design import Leg, physical_parameters
 from hopopt.design.fields import FORWARD
 from hopopt.drivetrain.linkages.five_bar import crank_pivot, heading, side, side_links
+from hopopt.errors import UsageError
 from hopopt.leg.kinematics import joint_frames
 
 GUIDES = 2  # coordinates of the body, before the joints'
 PARTS = ("crank", "rod")
+OPEN = "leg.{}.transmission.five_bar cannot close where the leg has moved to, beyond its joints' limits: change its entries"
 PLANE = [0, 2]
+
+
+class OpenChain(UsageError, ArithmeticError):
+    """A pose at which a five-bar cannot close."""
 
 
 @dataclass(frozen=True)
@@ -186,14 +192,17 @@ class ClosedChains:
         self.loops.append(_Loop(joint, carrier_of(leg, joint), pivot, moved, offset, *lengths, side(leg, joint)))
 
     def whole(self, q: np.ndarray) -> np.ndarray:
-        """All angles of the tree at q (2 + n), where its chains close; ValueError where one cannot."""
+        """All angles of the tree at q (2 + n), where its chains close; OpenChain where one cannot."""
         found = np.concatenate([q, np.zeros(self.model.nq - self.own)])
         pin.forwardKinematics(self.model, self.data, found)
         for k, loop in enumerate(self.loops):
             at = self.data.oMi[loop.carrier]
             start, end = at.act(loop.pivot)[PLANE], self.data.oMi[loop.moved].act(loop.arm)[PLANE]
             apart = float(np.hypot(*(end - start)))
-            inner = math.acos((loop.crank**2 + apart**2 - loop.rod**2) / (2 * loop.crank * apart))
+            share = (loop.crank**2 + apart**2 - loop.rod**2) / (2 * loop.crank * apart)
+            if not abs(share) <= 1:
+                raise OpenChain(OPEN.format(loop.joint))
+            inner = math.acos(share)
             crank = math.atan2(*(end - start)[::-1]) + loop.side * inner
             tip = start + loop.crank * np.array([math.cos(crank), math.sin(crank)])
             rod = math.atan2(*(end - tip)[::-1])
