@@ -20,7 +20,8 @@ from hopopt.optimality.minimum_principle.transversality import TransversalityCon
 from hopopt.verify.check import Check, Condition
 
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
-STEADY = "controls stationary"
+STEADY, AT_END = "controls stationary", "transversality at its end"
+MESHES = tuple(f" {name}" for name in (COSTATES, STEADY, AT_END))  # endings of those that finer intervals may mend
 # Tolerances, all relative; in brackets the most that a built-in leg leaves with default settings:
 COSTATE = 1e-4  # ten times the local error that states may have: costates are integrated on their mesh (2e-6)
 RESOLVED, MOST_PIECES = 0.1, 8  # of COSTATE: what is aimed at where intervals are cut for it; of one interval at a time
@@ -71,10 +72,10 @@ def certify(solution: NlpSolution) -> Certificate:
 
 
 def unresolved(certificate: Certificate) -> dict[str, np.ndarray]:
-    """Into how many pieces intervals should be cut so that costates fit and controls are stationary, by phase, (N,) each; {}
-    if nothing is gained so: where both hold, or do not though other conditions fail too."""
+    """Into how many pieces intervals should be cut so that costates fit, at the end too, and controls are stationary, by phase, (N,)
+    each; {} if nothing is gained so: where all hold, or do not though other conditions fail too."""
     failed = {check.name for check in certificate.checks if not check.passed}
-    if not failed or any(not name.endswith((f" {COSTATES}", f" {STEADY}")) for name in failed):
+    if not failed or any(not name.endswith(MESHES) for name in failed):
         return {}
     pieces = {}
     for name, c in certificate.phases.items():
@@ -102,7 +103,7 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
         Check(f"{name} Hamiltonian along arcs", within, HAMILTONIAN, "relative", at),
         Check(f"{name} Hamiltonian across switches", across, STATIONARY, "of the objective", edge),
         Check(f"{name} transversality at its start", c.start_residual(), ENDS, "relative"),
-        Check(f"{name} transversality at its end", c.end_residual(), COSTATE, "relative"),
+        Check(f"{name} {AT_END}", c.end_residual(), COSTATE, "relative"),
         Check(f"{name} transversality of its duration", c.duration_residual(), ENDS, "relative"),
         Check(f"{name} limits of its initial state", start, ENDS, "of the objective", state),
         Check(f"{name} limits of its duration", duration, ENDS, "of the objective"),
