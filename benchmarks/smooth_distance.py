@@ -35,7 +35,8 @@ def design_of(name: str) -> Design:
 def errors(design: Design, count: int) -> Iterator[tuple[str, str, int, float, float]]:
     """Of each link: its name, what it passes, how many angles it was near at, the largest error there, and the stated one [m]."""
     leg, true, found = design.leg, distances_of(design), clearances(design)
-    assert found is not None
+    if found is None:
+        return  # it has no shapes
     low, high = (np.array([getattr(leg.joint[joint], side) for joint in leg.joints]) for side in ("lower", "upper"))
     angles = np.random.default_rng(SEED).uniform(low, high, (count, len(low)))
     for link in found.links:
