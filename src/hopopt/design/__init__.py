@@ -4,16 +4,15 @@ A problem is data. These classes say what a file may contain and nothing about h
 """
 
 from hopopt.design.control import ControlSettings, Reserve
+from hopopt.design.drives.gear import EfficiencyTable, Gear
+from hopopt.design.drives.motor import Motor
 from hopopt.design.fields import LEAST_EFFICIENCY, MOST_POINTS
 from hopopt.design.geometry.parts import LEAST_INERTIA, MOST_SPRINGS, Body, Link, Spring, SpringTable
 from hopopt.design.hop import GRAVITY, Contact, Environment, HopSettings, Obstacle, StartPose
 from hopopt.design.leg import (
     PAPERS_LENGTH,
-    EfficiencyTable,
-    Gear,
     Joint,
     Leg,
-    Motor,
     physical_parameters,
     unit,
 )

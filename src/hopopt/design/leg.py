@@ -7,25 +7,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, PrivateAttr, create_model, model_serializer, model_validator
 
+from hopopt.design.drives.gear import Gear
+from hopopt.design.drives.motor import LINEAR, Motor, with_linear_motors
 from hopopt.design.drives.series_spring import SeriesSpring
+from hopopt.design.drives.supply import Supply
 from hopopt.design.drives.transmission import Transmission
 from hopopt.design.fields import (
-    CATALOGUE,
-    CATALOGUE_NAME,
-    DOWN,
     FORWARD,
-    LEAST_EFFICIENCY,
-    MOST_POINTS,
     RESERVED,
-    EntryName,
     Section,
-    Share,
-    Speed,
-    Torque,
     Vector,
     choice,
-    named,
-    points_fault,
     quantity,
 )
 from hopopt.design.geometry.link_joint import SLIDING, TURNING, LinkJoint, Units, follower
@@ -33,144 +25,6 @@ from hopopt.design.geometry.parts import MOST_SPRINGS, Body, Link, Spring
 from hopopt.design.hop import GRAVITY
 
 PAPERS_LENGTH = 0.38 + 0.361  # [m] of the paper's leg
-
-
-class Motor(Section):
-    max_torque: float | None = quantity(
-        "tau_max: motor torque at standstill (default: torque_constant voltage / winding_resistance)",
-        "N m", 1e-6, 1000, None, physical=True,
-    )  # fmt: skip
-    max_force: float | None = quantity(
-        "of a linear motor at standstill, for a prismatic joint in place of max_torque",
-        "N", 1e-3, 1e6, None, physical=True, listed=False,
-    )  # fmt: skip
-    max_velocity: float | None = quantity(
-        "of a linear motor at no force, in place of max_speed", "m/s", 1e-3, 100, None, physical=True, listed=False
-    )
-    force_cap: float | None = quantity(
-        "of a linear motor's drive, in place of torque_cap", "N", 1e-3, 1e6, None, physical=True, listed=False
-    )
-    rotor_mass: float | None = quantity(
-        "of a linear motor: what resists besides the link's own mass, in place of rotor_inertia (default: none)",
-        "kg", 0.0, 1e3, None, physical=True, listed=False,
-    )  # fmt: skip
-    max_speed: float | None = quantity(
-        "omega_max: motor speed at no torque (default: voltage / torque_constant)",
-        "rad/s", 1.0, 6000, None, physical=True,
-    )  # fmt: skip
-    rotor_inertia: float = quantity("rotor inertia, motor side", "kg m^2", 0.0, 0.05, 0.0, physical=True)
-    laws: tuple[EntryName, ...] = named(
-        "torque-speed laws, all of which hold: the paper's |tau| <= tau_max (1 - |w| / omega_max), "
-        "or the four-quadrant line in which braking is not weakened by speed; [] leaves the caps on torque and speed",
-        ("paper",), "law", "paper", "four-quadrant",
-    )  # fmt: skip
-    torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-6, 1000, None, physical=True)
-    voltage: float | None = quantity(
-        "at which its torque and speed are meant (default: the supply's)", "V", 0.1, 1000, None, physical=True
-    )
-    winding_resistance: float | None = quantity("electrical resistance", "ohm", 1e-4, 1e3, None, physical=True)
-    winding_inductance: float | None = quantity(
-        "L: the voltage bears R i + k omega + L di/dt (default: current rises at once)", "H", 1e-8, 10, None, physical=True,
-    )  # fmt: skip
-    torque_constant: float | None = quantity("k: motor torque for each ampere", "N m/A", 1e-4, 100, None, physical=True)
-    no_load_current: float | None = quantity(
-        "i_0: current that turns the motor alone, whose torque k i_0 its own friction takes",
-        "A",
-        0,
-        1e3,
-        None,
-        physical=True,
-    )
-    current_cap: float | None = quantity(
-        "greatest current, |torque| <= k times it", "A", 1e-3, 1e4, None, physical=True
-    )
-    continuous_torque: float | None = quantity(
-        "that it gives for ever, to compare with: limits nothing", "N m", 1e-6, 1000, None, physical=True
-    )
-    winding_to_housing: float | None = quantity("thermal resistance", "K/W", 1e-3, 1e3, None, physical=True)
-    housing_to_ambient: float | None = quantity("thermal resistance", "K/W", 1e-3, 1e3, None, physical=True)
-    winding_time_constant: float | None = quantity("thermal, of the winding", "s", 0.1, 1e4, None, physical=True)
-    housing_time_constant: float | None = quantity("thermal, of the housing", "s", 0.1, 1e6, None, physical=True)
-    winding_limit: float | None = quantity("highest temperature of the winding", "degC", -50, 400, None, physical=True)
-    torque_rate: float | None = quantity(
-        "how fast its torque changes at most, up or down", "N m/s", 1e-3, 1e7, None, physical=True
-    )
-    power_cap: float | None = quantity("greatest mechanical power, |torque speed|", "W", 1e-3, 1e6, None, physical=True)
-    catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
-
-
-class EfficiencyTable(Section):
-    """Efficiency of a gear by the speed of its motor and the torque at its joint, straight between points and level beyond them."""
-
-    speed: tuple[Speed, ...] = choice("of the motor, rising", unit="rad/s", min_length=2, max_length=MOST_POINTS)
-    efficiency: tuple[Share, ...] = choice(
-        "at these speeds, falling or rising throughout", unit="1", min_length=2, max_length=MOST_POINTS
-    )
-
-    torque: tuple[Torque, ...] | None = choice(
-        "at the joint, rising: with ``factor``", None, unit="N m", min_length=2, max_length=MOST_POINTS
-    )
-    factor: tuple[Share, ...] | None = choice(
-        "of the efficiency at these torques, at most 1 (default: the torque changes nothing)",
-        None, unit="1", min_length=2, max_length=MOST_POINTS,
-    )  # fmt: skip
-
-    def fault(self) -> str:
-        """What is wrong with the table, in words that follow its path; empty if nothing is."""
-        words = "speeds", "efficiencies", "efficiency for each speed", "speed"
-        return points_fault(self.speed, self.efficiency, *words) or self._factor_fault()
-
-    def _factor_fault(self) -> str:
-        if self.torque is None or self.factor is None:
-            missing = "torque" if self.torque is None else "factor"
-            return "" if self.torque == self.factor else f"has no {missing}: torque and factor go together"
-        if words := points_fault(self.torque, self.factor, "torques", "factors", "factor for each torque"):
-            return words
-        if min(self.factor) * min(self.efficiency) < LEAST_EFFICIENCY:
-            return f"has efficiencies times factors below {LEAST_EFFICIENCY:g}: give larger ones"
-        return ""
-
-
-class Gear(Section):
-    ratio: float = quantity("R: motor turns for one turn of the joint", "1", 1.0, 1000, physical=True)
-    torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 1e-4, 1e4, None, physical=True)
-    speed_cap: float | None = quantity("input speed limit, motor side", "rad/s", 1.0, 6000, None, physical=True)
-    inertia: float | None = quantity(
-        "moment of inertia of what turns with the rotor, motor side (default: none)",
-        "kg m^2", 0.0, 0.05, None, physical=True,
-    )  # fmt: skip
-    efficiency: float | None = quantity(
-        "eta: share of the torque at its teeth that it passes on, driving or braking (default: none is lost)",
-        "1", 0.05, 1, None, physical=True,
-    )  # fmt: skip
-    efficiency_table: EfficiencyTable | None = choice(
-        "efficiency by the motor's speed and the joint's torque, in place of one number: {speed = [...], efficiency = [...]}",
-        None,
-    )
-    friction: float | None = quantity(
-        "Coulomb friction, joint side (default: none)", "N m", 0, 1e3, None, physical=True
-    )
-    damping: float | None = quantity(
-        "viscous friction, joint side (default: none)", "N m s/rad", 0, 1e3, None, physical=True
-    )
-    catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
-
-
-class Supply(Section):
-    """What the motors of a leg are fed from; also written as the table [supply] of the file."""
-
-    voltage: float = quantity("open-circuit voltage", "V", 1.0, 1000, physical=True)
-    internal_resistance: float = quantity("of battery and wires", "ohm", 0.0, 100, 0.0, physical=True)
-    count: float = quantity("equal supplies side by side", "1", 0.1, 100, 1.0, physical=True)
-    legs: float = quantity(
-        "equal legs that push together from it (default: as many as carry the body)", "1", 1, 100, 1.0, physical=True
-    )
-    least_voltage: float | None = quantity(
-        "at its terminals, below which boards reset", "V", 0.5, 1000, None, physical=True
-    )
-    current_cap: float | None = quantity("greatest current of each supply", "A", 0.01, 1e4, None, physical=True)
-    power_cap: float | None = quantity("greatest power of each supply", "W", 0.1, 1e6, None, physical=True)
-    recuperation: bool = choice("whether it takes back what the motors together feed back", False)
 
 
 def _overrides(section: type[Section]) -> type[Section]:
@@ -206,15 +60,6 @@ class Joint(Section):
     series_spring: SeriesSpring | None = choice(
         "a spring between the drive and its joint (default: none)", None, listed=False
     )
-
-
-# Entries of a linear motor in place of those of one that turns.
-LINEAR = {
-    "max_torque": "max_force",
-    "max_speed": "max_velocity",
-    "torque_cap": "force_cap",
-    "rotor_inertia": "rotor_mass",
-}
 
 
 class Leg(Section):
@@ -255,12 +100,12 @@ class Leg(Section):
             return data
         data = _legs_on_supply(data)
         if "joint" in data or "link" in data:
-            return _with_linear_motors(data)
+            return with_linear_motors(data)
         data = dict(data)
         for key, names in (("joint", data.get("joints")), ("link", data.get("links"))):
             names = names if isinstance(names, (list, tuple)) else ()
             data[key] = {n: data.pop(n, {}) for n in names if isinstance(n, str) and n not in RESERVED}
-        return _with_linear_motors(data)
+        return with_linear_motors(data)
 
     @model_serializer(mode="wrap")
     def _spread(self, handler: Any) -> dict[str, Any]:
@@ -369,26 +214,6 @@ def _legs_on_supply(leg: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(body, dict) or not isinstance(supply, dict) or body.get("legs") is None or "legs" in supply:
         return leg
     return {**leg, "supply": {**supply, "legs": body["legs"]}}
-
-
-def _with_linear_motors(leg: dict[str, Any]) -> dict[str, Any]:
-    """The leg's table in which linear motors turn nothing, and prismatic joints without an axis make the leg longer; where all
-    motors are linear the leg needs no common one."""
-    joints = leg.get("joint")
-    if not isinstance(joints, dict):
-        return leg
-    found, linear = dict[str, Any](), 0
-    for name, joint in joints.items():
-        found[name] = joint
-        if not isinstance(joint, dict) or joint.get("type") != "prismatic":
-            continue
-        found[name] = {"axis": DOWN, **joint}
-        motor, gear = joint.get("motor"), joint.get("gear", {})
-        if isinstance(motor, dict) and "max_force" in motor and isinstance(gear, dict):
-            linear += 1
-            found[name] |= {"motor": {"rotor_mass": 0.0, **motor}, "gear": {"ratio": 1.0, **gear}}
-    common = {"motor": {}, "gear": {"ratio": 1.0}} if found and linear == len(found) else {}
-    return common | leg | {"joint": found}
 
 
 def unit(vector: Sequence[float]) -> tuple[float, ...]:

@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 
 from hopopt.design import EfficiencyTable, Leg, Simulation, physical_parameters
-from hopopt.design.leg import LINEAR, Supply
+from hopopt.design.drives.motor import LINEAR
+from hopopt.design.drives.supply import Supply
 from hopopt.drivetrain.gear import TABLE, efficiency_table, factor_curve
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import IMPLIES, INDUCTANCE, lacking, reflected_inertia

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.design.drives.motor import LINEAR
 from hopopt.design.geometry.link_joint import SLIDING, TURNING
-from hopopt.design.leg import LINEAR
 from hopopt.leg.files.urdf import UrdfLeg
 from hopopt.problem.checking.entries import bounds_of, entry_at
 from hopopt.problem.checking.faults import Report
