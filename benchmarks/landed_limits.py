@@ -40,6 +40,8 @@ def main() -> int:
     given, friction, seed, names = (sys.argv[1:] + [STANCES, "none", "0", ",".join(LIMITS)][len(sys.argv) - 1 :])[:4]
     stances = sorted(float(s) for s in given.split(","))
     limits = {name: LIMITS[name] for name in LIMITS if any(name.startswith(word) for word in names.split(","))}
+    if not limits:
+        sys.exit(f"{names}: no limit begins so: {', '.join(LIMITS)}")
     print(f"friction {friction}".ljust(14), *(name.rjust(14) for name in limits), "CPU s".rjust(8))
     table = np.full((len(stances), len(limits)), np.nan)
     for row, stance in enumerate(stances):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from numba.core import compiler
 from numba.core import config as numba_config
 
 from hopopt.compiled import kernel_cache
@@ -71,12 +72,19 @@ def test_a_file_of_another_function_is_not_taken_for_it(function: Callable[..., 
     assert not again.compiled.stats.cache_hits
 
 
-def test_the_level_of_a_callers_own_functions_stays(function: Callable[..., float]) -> None:
-    """Also where two threads compile at once."""
-    before, made = config.OPT, [kernel(function) for _ in range(2)]
+def test_the_level_of_a_callers_own_functions_stays(
+    function: Callable[..., float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where two threads compile at once, both at the level of the kernels."""
+    monkeypatch.setattr(config, "OPT", type(config.OPT)(3))
+    before, levels, compiled = config.OPT, list[int](), compiler.compile_extra
+    monkeypatch.setattr(
+        compiler, "compile_extra", lambda *given, **more: levels.append(int(config.OPT)) or compiled(*given, **more)
+    )
+    made = [kernel(function) for _ in range(2)]
     with ThreadPoolExecutor(2) as pool:
         assert list(pool.map(lambda one: one(3.0), made)) == [7.0, 7.0]
-    assert before != LEVEL
+    assert set(levels) == {LEVEL}
     assert config.OPT is before
 
 

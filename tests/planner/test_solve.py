@@ -187,7 +187,10 @@ def test_a_hop_that_waits_and_is_not_verified_says_which_entry_to_try(one_push: 
         ]
 
     (note,) = said((0.03, lasted))
-    assert note.endswith(f"such as hop.stance_duration = [0.03, {2 / 3 * lasted:.2g}]")
+    assert note.endswith(f"such as hop.stance_duration = [0.03, {0.03 + 2 / 3 * (lasted - 0.03):.3g}]")
+    (note,) = said((0.75 * lasted, lasted))  # still a range, within the one that was given
+    lower, upper = map(float, note.rpartition("[")[2].rstrip("]").split(","))
+    assert 0.74 * lasted < lower < upper < lasted
     assert not said((lasted, lasted))
 
 

@@ -365,7 +365,7 @@ def verified(count: int, searched: Sequence[int], better: int | None = None) -> 
     """Verified points, some of them searched as a single solve is; at one of those that found a better hop in pass 1."""
     found = {k: Point(k, {}, VERIFIED, objective_value=0.7, begun_from=0, searched=k in searched) for k in range(count)}
     if better is not None:
-        found[better] = replace(found[better], begun_from=None, corrected=True, solved_in=1)
+        found[better] = replace(found[better], begun_from=None, found_by_search=True, solved_in=1)
     return found
 
 

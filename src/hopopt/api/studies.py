@@ -56,7 +56,8 @@ def sweep(
     constraints: path constraints of your own, functions or their names
     sample: "lhs:40" or "sobol:64" for so many points of a design of experiments; None: a grid
     seed: of the sample
-    starts, processes: as in ``solve``
+    starts: search every point from so many (None: seeds and spots alone)
+    processes: as in ``solve``
     scheduler: the address of a Dask scheduler, or "local" for a cluster of so many processes on this computer
     time_limit: [s], when nothing more is begun; what is finished is kept (None: no limit)
     results: the folder below which a new one keeps every point (None: in a folder for temporary files)

@@ -33,6 +33,7 @@ PARTS = {  # s of processor time, all processes together: AMD EPYC, 27 November 
     "basin": 90.0,
     "plan for drawn legs": 25.0,
     "point": 14.0,
+    "point from neighbours": 3.5,
     "design of a map": 0.08,
     "point of a front": 6.0,
     "point of families": 20.0,

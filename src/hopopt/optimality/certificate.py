@@ -27,7 +27,7 @@ COSTATE = 1e-4  # ten times the local error that states may have: costates are i
 RESOLVED, MOST_PIECES = 0.1, 8  # of COSTATE: what is aimed at where intervals are cut for it; of one interval at a time
 GAINED = 0.5  # of STATIONARY: the same, by all intervals alike
 HAMILTONIAN = 5e-4  # H is the sum of large terms of either sign, each in error by up to COSTATE: a few of them (4e-4)
-ENDS = 1e-5  # what the program itself meets, solved to 1e-11; its quadrature of H over a phase is less accurate (4e-6)
+ENDS = 1e-5  # what the program itself meets, solved to 1e-11, where it creeps to 1e-7; its quadrature of H over a phase is less accurate (4e-6)
 STATIONARY = 1e-3  # what could be gained to first order: a millimetre of a metre (5e-4; 8e-2 on the first mesh)
 
 

@@ -34,7 +34,7 @@ def of_sweep(study: Study) -> Iterator[Shown]:
     if len(study.points) > SHOWN:
         yield f"… and {len(study.points) - SHOWN} more in {study.folder / 'table.csv'}"
     verified = sum(p.verified for p in study.points)
-    corrected = f", {study.corrected} improved from other neighbours" if study.corrected else ""
+    corrected = f", {study.corrected} improved in later passes" if study.corrected else ""
     yield f"{verified} of {len(study.points)} points verified{corrected}, in {duration(study.seconds)}"
     if best:
         where = study.definition.words(best.values)

@@ -11,14 +11,18 @@ from hopopt.cli.options import AsJson, Constraints, Figures, Overrides, drawn, e
 from hopopt.cli.screen.console import Shown, progress
 from hopopt.cli.screen.studies import of_map, of_sweep
 from hopopt.errors import UsageError
+from hopopt.planner.search.first_mesh import SEARCH
 from hopopt.plots.studies.sweep import save_all
 from hopopt.problem.load import catalogue_of, load
 from hopopt.problem.own import name_of, with_constraints
 from hopopt.studies.maps.run import CHECKED, check_verify_best, run_map
 from hopopt.studies.sweep.definition import Definition, define, parse
+from hopopt.studies.sweep.order import SEED_FOR, SPOTS
 from hopopt.studies.sweep.recheck import Rechecked, recheck_study
 from hopopt.studies.sweep.run import run
 from hopopt.studies.sweep.store import read_definition
+
+SEARCHED = 1 + SPOTS  # points of a small study that are searched as a single solve is
 
 Vary = Annotated[
     list[str] | None,
@@ -64,7 +68,7 @@ def sweep(
     objective
         What to make as large, or as small, as possible: as in hopopt solve.
     starts
-        Starting points of those points that have no neighbour yet (default: the problem's solver.starts).
+        Search every point from so many starting points (default: seeds and spots alone, from solver.starts).
     processes
         How many points side by side (default: one for each core).
     scheduler
@@ -111,7 +115,10 @@ def _expected(definition: Definition, processes: int | None, folder: Path | None
     if definition.preliminary:
         parts = {"solve": 1.0, "design of a map": left / side_by_side, "point": CHECKED / side_by_side}
         return ExpectedTime("map", definition.design, parts)
-    return ExpectedTime("sweep", definition.design, {"point": 2.0 * left / side_by_side})  # measured on two cores
+    searched = left if definition.starts is not None else min(left, SEARCHED + 2 * left // SEED_FOR)
+    kind = "start alone" if (definition.starts or definition.design.solver.starts) < SEARCH else "point"
+    parts = {kind: searched / side_by_side, "point from neighbours": (left - searched) / side_by_side}
+    return ExpectedTime("sweep", definition.design, parts)
 
 
 def verify_study(folder: Path, json_: bool) -> int:

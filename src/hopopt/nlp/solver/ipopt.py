@@ -44,7 +44,7 @@ STEADY = {"ipopt.adaptive_mu_globalization": "never-monotone-mode", "ipopt.first
 WARM = _from_known(1e-6) | STEADY  # where the point and the multipliers are nearly known
 CARRIED = _from_known(1e-4) | STEADY  # where they come from a coarser mesh or another problem
 # Where optima are flat, as that of a stance that may wait, steps creep for ever at an error of 1e-8: this many in a row that
-# change nothing are enough (ANYmal B, Centauro). Looser ends are not: torques quiver (docs/tried.md).
+# change the objective by less than 1e-9 are enough (ANYmal B, Centauro); on other legs no solve ended so (docs/tried.md).
 SETTLED = {"ipopt.acceptable_iter": 10, "ipopt.acceptable_tol": 1e-7, "ipopt.acceptable_obj_change_tol": 1e-9}
 # The same, and where such steps lead round a sharp bend, and back: then a filter is to stop them.
 WAYS = (CARRIED | SETTLED, CARRIED | SETTLED | {"ipopt.adaptive_mu_globalization": "obj-constr-filter"})

@@ -13,6 +13,9 @@ from hopopt.planner.attempts import AT_MOST
 from hopopt.planner.solution import Solution, without_tie_break
 from hopopt.problem.checking.hints import hints
 
+SHORTER = (
+    2 / 3
+)  # of the range of the stance's duration, which may be tried where the longest leaves refinement unfinished
 LOUD = 0.01  # share of the answer that the tie-break may weigh without a word
 
 
@@ -55,9 +58,10 @@ def _waiting(best: Solution) -> list[str]:
     shortest, longest = best.design.hop.stance_duration
     if best.verified or best.summary.leans_on.stance_at_its_limit != "longest" or shortest == longest:
         return []
+    shorter = shortest + SHORTER * (longest - shortest)
     return [
         f"stance lasts the {longest:.3g} s that hop.stance_duration allows: where waiting gains little, many hops are equally good and "
-        f"refinement may not end; try a shorter one, such as hop.stance_duration = [{shortest:.2g}, {2 / 3 * longest:.2g}]"
+        f"refinement may not end; try a shorter one, such as hop.stance_duration = [{shortest:g}, {shorter:.3g}]"
     ]
 
 

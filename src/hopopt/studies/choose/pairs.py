@@ -208,10 +208,11 @@ class Drives:
         return found
 
     def heat(self, pair: Tried, entries: Mapping[str, Entry], keys: Sequence[str]) -> dict[str, float]:
-        """What the motors of a pair state of their heat beside the ``keys`` of a motor."""
+        """What motors of a pair that state a limit of their winding state of heat beside the ``keys`` of a motor."""
         stated = {path: entries[own.motor].parts["motor"] for path, own in self._places(pair).items()}
         beside = set(HEAT) - set(keys)
-        return {f"{path}.motor.{k}": x for path, numbers in stated.items() for k, x in numbers.items() if k in beside}
+        limited = {path: numbers for path, numbers in stated.items() if LIMIT in numbers}
+        return {f"{path}.motor.{k}": x for path, numbers in limited.items() for k, x in numbers.items() if k in beside}
 
     def base(self, pair: Tried, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         """Entries that the problem of all pairs has, with the numbers of one of them and no names."""

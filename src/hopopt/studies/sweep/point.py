@@ -65,6 +65,8 @@ _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several th
 def solve_point(definition: Definition, k: int, sources: Sequence[Neighbour], search: bool = True) -> Kept:
     """Solve point k from the sources; if ``search``, or none of them leads to a verified hop, as a single solve does too."""
     began = time.perf_counter()
+    if definition.full and definition.full[k]:  # of another program than the map's hop
+        sources = ()
     found = guarded(_solved, definition, k, sources, search)
     if isinstance(found, Fault):
         found = Point(k, definition.values(k), ENDED, found.sentence, traceback=found.traceback), {}
@@ -80,16 +82,16 @@ def _solved(definition: Definition, k: int, sources: Sequence[Neighbour], search
         until = NEVER.within(TIME_LIMIT)
         try:
             hop = Hop(definition.full_design_at(k), definition.objective)
-            if definition.full and definition.full[k]:  # of another program than the map's hop
-                sources = ()
             if faults := cannot_begin(hop.design, hop.robot):
                 raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
             found = _on_the_first_mesh(definition, hop, point.values, sources, until)
             if not search:
                 point, begin = _best(hop, found, (point, begin), until)
             if not point.verified:
+                point, refined = replace(point, searched=True), [] if search else [each[2] for each in found]
                 found += _searched(definition, hop, bool(found), until)
-                point, begin = _best(hop, found, (replace(point, searched=True), begin), until)
+                left = [each for each in found if all(each[2] is not begin for begin in refined)]
+                point, begin = _best(hop, left, (point, begin), until)
         except NotSolvedError as error:  # one point does not end a study
             if not point.solved:
                 point = replace(point, sentence=one_line(error))
@@ -149,7 +151,8 @@ def _solved_again(
                 best = replace(_described(old, found, source), solved_in=after_pass)
                 begin = _handed_on(its, on_the_first_mesh)
     improved = best is not old and _better(hop, best.objective_value or 0.0, old, CORRECTED)
-    return replace(best, corrected=old.corrected or improved), begin
+    by_search = improved and best.begun_from is None
+    return replace(best, corrected=old.corrected or improved, found_by_search=old.found_by_search or by_search), begin
 
 
 def again(definition: Definition, point: Point, begin: Begin) -> Point:

@@ -20,6 +20,7 @@ VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE = "verified", "not verified", "no
 ENDED = "ended by a fault"  # of hopopt itself: such a point is not finished, and --resume solves it
 PRELIMINARY = "preliminary"  # of the first mesh alone: a point of a map (studies/maps)
 NO_LIMIT = "no limit"
+SEARCH = ("searched", "found_by_search")
 OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE, ENDED)
 
 
@@ -39,8 +40,9 @@ class Point:
     certified: whether the conditions of first-order optimality hold
     begun_from: the neighbour whose solution was the guess; None: the problem's starts
     tried: the neighbours that it was solved from, each with the pass that its solution is of
-    corrected: whether another neighbour helped
-    searched: whether it was searched as a single solve is, beside what its neighbours led to
+    corrected: whether a later pass helped
+    searched: whether it was searched as a single solve with as many starts is, beside what its neighbours led to
+    found_by_search: whether such a search in a later pass found a better hop than its neighbours had led to
     after_pass: how far the study was
     solved_in: the pass of its solution
     seconds: how long it took [s]
@@ -62,6 +64,7 @@ class Point:
     tried: tuple[tuple[int, int], ...] = ()
     corrected: bool = False
     searched: bool = True
+    found_by_search: bool = False
     after_pass: int = 0
     solved_in: int = 0
     seconds: float = 0.0
@@ -70,11 +73,6 @@ class Point:
     @property
     def verified(self) -> bool:
         return self.outcome == VERIFIED
-
-    @property
-    def found_by_search(self) -> bool:
-        """Whether a search found a better hop than its neighbours had led to."""
-        return self.searched and self.corrected and self.begun_from is None
 
     @property
     def has_value(self) -> bool:
@@ -114,8 +112,8 @@ def read_point(path: Path, definition: Definition) -> tuple[Point, str]:
         data = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(data, dict):
             raise TypeError("it is no JSON object")
-        kept = {f.name: data[f.name] for f in fields(Point) if f.name not in ("traceback", "searched")}
-        kept["searched"] = data.get("searched", True)  # earlier versions did so at every point
+        kept = {f.name: data[f.name] for f in fields(Point) if f.name not in ("traceback", *SEARCH)}
+        kept |= {name: data[name] for name in SEARCH if name in data}  # earlier versions searched every point
         point = _points().validate_json(json.dumps(kept), strict=True)
         wrong = point.values != definition.values(point.index) or point.outcome not in OUTCOMES
     except (OSError, ValueError, TypeError, LookupError, RecursionError) as error:
