@@ -9,16 +9,23 @@ import pinocchio as pin
 import pytest
 
 from hopopt.design import Design
-from hopopt.errors import ProblemFileError
+from hopopt.drivetrain.motor import rated
+from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.derived import derived
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.files.export import to_mjcf, to_urdf
+from hopopt.leg.geometry.above import height_rows
 from hopopt.leg.kinematics import foot_jacobian, joint_positions
 from hopopt.leg.robot import BASE, build_robot
+from hopopt.ocp.hops.shared_control import with_torque_constants
+from hopopt.planner.reserve import reserved
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim import mujoco
 from hopopt.sim.machine import Machine
+from hopopt.studies.choose.run import choose
+from hopopt.studies.consistency import direction
+from hopopt.studies.sensitivity import drive_entries
 
 FORCE, STROKE, BODY, G = 200.0, 0.3, 5.0, 9.81
 POGO = f"""
@@ -173,3 +180,31 @@ def test_a_telescope_hops_in_pinocchio_and_in_mujoco(read: Any) -> None:
     assert found.verified
     trace = mujoco.replay(found.robot, found)
     assert trace.lowest[-1] == pytest.approx(found.sample([found.duration]).lowest[-1], abs=3e-4)
+
+
+def test_what_is_held_back_varied_and_drawn_of_a_linear_motor_is_its_force_and_its_speed(read: Any) -> None:
+    """Room in metres is a share of the leg's length; each figure of a drive stands in one place."""
+    design = read(TELESCOPE, "reserve.torque=0.3", "reserve.speed=0.2", "reserve.angle=0.05")
+    held = reserved(design).leg
+    assert (held.motor.max_torque, held.motor.max_speed) == pytest.approx((0.7, 320.0))
+    slide = held.joint["slide"]
+    assert slide.motor is not None
+    assert (slide.motor.max_force, slide.motor.max_velocity) == pytest.approx((140.0, 3.2))
+    assert (held.joint["hip"].upper, slide.upper) == pytest.approx((1.15, 0.2 - 0.05 * design.leg.length))
+    drawn = with_torque_constants(design, np.array([1.5, 1.5])).leg
+    assert [rated(drawn, joint)[0] for joint in drawn.joints] == pytest.approx([1.5, 300.0])
+    paths = [path for path, joint, *_ in drive_entries(design.leg) if joint == "slide"]
+    assert len(paths) == len(set(paths))
+    assert {"leg.slide.motor.max_force", "leg.slide.motor.max_velocity", "leg.slide.motor.rotor_mass"} <= set(paths)
+    assert direction("leg.slide.motor.max_force") == 1
+
+
+def test_motors_that_turn_are_not_chosen_for_a_joint_with_a_linear_one(read: Any) -> None:
+    with pytest.raises(UsageError, match=r"slide slides by a linear motor.*name others, as --joints hip"):
+        choose(read(TELESCOPE), 0.2, joints=["slide"])
+
+
+def test_a_body_on_a_slide_stays_above_the_ground(read: Any) -> None:
+    """It is a point of its own where the first joint slides on it."""
+    design = read(POGO)
+    assert ("body", "body") in [row[:2] for row in height_rows(design)]

@@ -7,11 +7,12 @@ from typing import Any
 
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design, Leg, Reserve, as_changed
+from hopopt.design.drives.motor import LINEAR
 from hopopt.drivetrain.gear import states
 from hopopt.drivetrain.motor import state_ratings
 from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
-from hopopt.leg.scales import reserve_of
+from hopopt.leg.scales import radians, reserve_of
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.planner.motion import Motion
 from hopopt.planner.solution import Solution
@@ -61,10 +62,11 @@ def reserved(design: Design) -> Design:
         _state_torques(design.leg, data["leg"])
     data["contact"]["least_force"] += r.ground_force
     data["hop"]["least_height"] += r.height
-    for name, angle in zip(design.leg.joints, start_angles(design), strict=True):
+    away = r.angle * radians(design.leg)
+    for name, angle, room in zip(design.leg.joints, start_angles(design), away.tolist(), strict=True):
         joint = data["leg"][name]
-        joint["lower"] = max(joint["lower"], min(joint["lower"] + r.angle, float(angle) - 1e-6))
-        joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
+        joint["lower"] = max(joint["lower"], min(joint["lower"] + room, float(angle) - 1e-6))
+        joint["upper"] = min(joint["upper"], max(joint["upper"] - room, float(angle) + 1e-6))
         _hold_back(joint, r, passed[name])
     _hold_back(data["leg"], r, min(passed.values()))
     data["solver"]["tie_break"] = max(design.solver.tie_break, TRACKED_TIE_BREAK)
@@ -88,5 +90,5 @@ def _state_torques(leg: Leg, tables: dict[str, Any]) -> None:
 def _hold_back(drive: dict[str, Any], reserve: Reserve, passed: float) -> None:
     for entries, share in ((TORQUES, 1 - passed * (1 - reserve.torque)), (SPEEDS, reserve.speed)):
         for part, key in entries:
-            if key in drive.get(part, {}):
-                drive[part][key] *= 1 - share
+            for name in {key, LINEAR.get(key, key)} & drive.get(part, {}).keys():
+                drive[part][name] *= 1 - share

@@ -53,7 +53,7 @@ def resolved_toml(design: Design, sources: Mapping[str, str] | None = None) -> s
 def design_hash(design: Design) -> str:
     """8 hexadecimal digits that change with every entry but the title; what an entry says by default counts as if it were written."""
     trunk = (TRUNK,) if design.leg.has_trunk else ()
-    above = design.hop.above_ground or (*design.leg.pivots, *trunk, "foot")
+    above = design.hop.above_ground or (*design.leg.chain[:-1], *trunk, "foot")
     hop = design.hop.model_copy(update={"above_ground": above})
     whole = design.model_copy(update={"reserve": reserve_of(design), "hop": hop})
     text = _toml(whole.model_dump(exclude_none=True, exclude={"title"}), {})

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hopopt.design.drives.motor import LINEAR
+
 CONTRADICTING_GAIN = (
     1e-4  # relative: a point with tighter limits that is so much better shows that another is not the best
 )
@@ -13,7 +15,7 @@ RELAXING = {
     "contact.friction": 1, "contact.least_force": -1, "hop.stance_duration[1]": 1, "hop.stance_duration[0]": -1,
     "hop.flight_duration[1]": 1, "hop.flight_duration[0]": -1, "hop.foot_window": 1, "hop.least_height": -1,
     "hop.clearance": -1, "motor.max_torque": 1, "motor.max_speed": 1, "motor.torque_cap": 1, "gear.torque_cap": 1,
-    "gear.speed_cap": 1, ".upper": 1, ".lower": -1, "hop.touchdown_loss": 1, "hop.touchdown_impulse": 1,
+    "motor.max_force": 1, "motor.max_velocity": 1, "motor.force_cap": 1, "gear.speed_cap": 1, ".upper": 1, ".lower": -1, "hop.touchdown_loss": 1, "hop.touchdown_impulse": 1,
     "hop.touchdown_speed": 1, "hop.touchdown_gear_torque": 1, "hop.touchdown_time": 1, "hop.landing_duration[1]": 1,
     "hop.landing_duration[0]": -1,
 }  # fmt: skip
@@ -21,7 +23,7 @@ RELAXING = {
 
 def direction(entry: str, objective: str = "clearance") -> int:
     """1 if more of the entry relaxes the problem, -1 if less does, 0 if neither is certain."""
-    if entry.endswith(("motor.max_torque", "motor.max_speed", "cap")) and objective in ("peak_torque", "saturation"):
+    if entry.endswith((*LINEAR, *LINEAR.values(), "cap")) and objective in ("peak_torque", "saturation"):
         return 0  # such objectives are relative to the drive itself
     return next((sign for end, sign in RELAXING.items() if entry.endswith(end)), 0)
 

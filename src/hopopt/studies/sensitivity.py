@@ -132,7 +132,7 @@ def drive_entries(leg: Leg) -> Iterator[tuple[str, str, Any, str]]:
         for entry in dict.fromkeys(p.split(".")[-1] for p in physical_parameters(leg) if f".{part}." in p):
             for joint in leg.joints:
                 path, value = leg.drive(joint, part, entry)
-                if value is not None:
+                if value is not None and path.endswith(f".{entry}"):  # of a linear motor another
                     yield path, joint, part, entry
 
 

@@ -36,7 +36,7 @@ def points_of(design: Design) -> dict[str, tuple[str, ...]]:
         found[name] = (*found.get(name, ()), point)
     trunk = {name: (name,) for name in (TRUNK,) if leg.has_trunk}
     beside = {of(joint): (of(joint),) for joint in leg.five_bars for of in (arm_point, crank_point)}
-    return {name: (name,) for name in leg.pivots} | found | trunk | beside | {"foot": ("foot",)}
+    return {name: (name,) for name in leg.chain[:-1]} | found | trunk | beside | {"foot": ("foot",)}
 
 
 def height_rows(design: Design) -> list[tuple[str, str, float]]:
@@ -47,6 +47,8 @@ def height_rows(design: Design) -> list[tuple[str, str, float]]:
     heights = dict(zip(leg.pivots, _joint_heights(design), strict=True))
     for k, link in enumerate(leg.links[:-1]):
         own, ends = above.get(link, ()), leg.pivots[k : k + 2]
+        if leg.link_joints[k + 1].slides:  # the next link may slide along it: its own end is no point of the leg
+            continue
         least = hop.least_height + capsule_radius(leg, own, k) if own else np.inf
         if all(heights[joint] > least for joint in ends):
             rows = {point: row for point, row in rows.items() if point not in own}

@@ -114,9 +114,10 @@ def with_torque_constants(design: Design, gain: np.ndarray) -> Design:
     state_ratings(design.leg, data["leg"])
     for joint, factor in zip(design.leg.joints, gain.tolist(), strict=True):
         for (part, key), power in GOES_WITH.items() if factor != 1 else ():
-            own = data["leg"][joint].setdefault(part, {})
-            if (value := own.get(key, design.leg.drive(joint, part, key)[1])) is not None:
-                own[key] = value * factor**power
+            own, (path, value) = data["leg"][joint].setdefault(part, {}), design.leg.drive(joint, part, key)
+            name = path.rpartition(".")[2]  # of a linear motor another
+            if (value := own.get(name, value)) is not None:
+                own[name] = value * factor**power
     return as_changed(data, "[uncertainty] leads to", "give less of it")
 
 

@@ -28,7 +28,7 @@ def ground_rules(design: Design, report: Report) -> None:
     known, above, hop = points_of(design), above_ground(design), design.hop
     for name in sorted(set(hop.above_ground) - set(known)):
         report.add("hop.above_ground", f"has {shown(name)}, no shape of which counts: leave it out (docs/body.md)")
-    for name in [name for name in above if name not in (*design.leg.pivots, "foot")]:
+    for name in [name for name in above if name not in design.leg.chain]:
         low = lowest_at_start(design, name)
         if low < hop.least_height - ROUNDING:
             entry = "hip_height" if design.start.joint_angles is None else "joint_angles"

@@ -266,6 +266,10 @@ def drives(
     for joint in chosen:
         if joint not in design.leg.joints:
             raise UsageError(f"--joints {joint}: the leg has no such joint{did_you_mean(joint, design.leg.joints)}")
+        if design.leg.linear(joint):
+            turning = ",".join(name for name in design.leg.joints if not design.leg.linear(name))
+            remedy = f"name others, as --joints {turning}" if turning else "there is nothing to choose for this leg"
+            raise UsageError(f"{joint} slides by a linear motor, and motors of the catalogue turn: {remedy}")
     if legs < 1 or (present is not None and not 0 <= present < 1000):
         raise UsageError("--legs must be at least 1, and --present-mass between 0 and 1000 kg")
     if present is not None:

@@ -40,7 +40,9 @@ def push(definition: Definition, point: MapPoint, x: np.ndarray) -> Push:
     t = first_program(definition, hop, point.values, NEVER, WARM)[0]
     plan = Motion(hop.design, definition.objective, t.unpack(x / t.scale, t.parameter_values())[0])
     s = plan.everywhere(STANCE, PLACES)
-    power = hop.robot.drive_torques(s.q, s.tau) * s.w
+    torques, sprung = np.array(hop.robot.drive_torques(s.q, s.tau)), list(hop.drive_states.sprung)
+    torques[:, sprung] = s.command[:, sprung]  # a series spring's torque is not its motor's
+    power = torques * s.w
     at = s.t
     energy = float(np.trapezoid(np.maximum(power, 0.0).sum(axis=1), at))
     exhausted = _exhausted(hop, s.command, s.w, power.sum(axis=1))
