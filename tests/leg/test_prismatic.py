@@ -147,6 +147,31 @@ def test_a_spindle_turns_its_motor(read: Any) -> None:
 
 
 @pytest.mark.parametrize(
+    ("lines", "motor", "linear"),
+    [
+        ("", {"max_force": 200.0, "max_velocity": 4.0}, True),
+        ("slide.gear.ratio = 100.0", {"max_torque": 2.0, "max_speed": 400.0}, False),
+        ("slide.motor.max_force = 50.0\nslide.gear.ratio = 2.0", {"max_force": 50.0, "max_velocity": 8.0}, True),
+        ("slide.motor = {rotor_mass = 0.1}\nslide.gear.ratio = 2.0", {"max_force": 100.0, "max_velocity": 8.0}, True),
+        ("slide.motor = {max_torque = 1.0, max_speed = 800.0}\nslide.gear.ratio = 150.0", {"max_torque": 1.0}, False),
+        ("slide.motor = {voltage = 24.0, torque_constant = 0.05, winding_resistance = 0.3}\nslide.gear.ratio = 100.0", {"voltage": 24.0}, False),
+    ],
+)  # fmt: skip
+def test_a_slide_of_a_urdf_is_driven_as_its_own_motor_and_gear_say(
+    lines: str, motor: dict[str, float], linear: bool, read: Any, tmp_path: Path
+) -> None:
+    """Effort and velocity are those of the joint: a gear of ratio n leaves the motor effort / n and velocity n."""
+    (tmp_path / "robot.xml").write_text(to_urdf(build_robot(read(TELESCOPE).leg)))
+    leg = read(
+        f'name = "t"\n[leg]\nurdf = "robot.xml"\njoints = ["hip", "slide"]\nfoot_frame = "foot"\nbody.mass = 4.0\n{lines}\n'
+        "[start]\njoint_angles = [0.0, 0.03]\n"
+    ).leg
+    assert leg.linear("slide") == linear
+    for entry, value in motor.items():
+        assert getattr(leg.joint["slide"].motor, entry) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
     ("overrides", "words"),
     [
         (["leg.motor.max_force=3.0"], "leg.motor.max_force is of a linear motor"),

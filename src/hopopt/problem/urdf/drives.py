@@ -4,10 +4,18 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from hopopt.design.drives.motor import LINEAR
 from hopopt.drivetrain.motor import IMPLIES
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import is_number
 from hopopt.problem.render import shown_path
+
+TURNS = {
+    *LINEAR,
+    "catalogue",
+    "current_cap",
+    *(entry for entries in IMPLIES.values() for entry in entries),
+}  # of a rotary motor
 
 
 def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
@@ -20,8 +28,8 @@ def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, A
     for item in (each for each in found.links if each.follows is None):
         own = leg.get(item.joint)
         stated, given = _ratio(own, leg), _motor(own)
-        if item.slides and "max_torque" not in given:
-            drives[item.joint] = _linear(item, given, report)
+        if item.slides and not _spindle(given, own):
+            drives[item.joint] = _linear(item, given, _ratio(own) or 1.0, report)
             continue
         turning = _turning(item, own) if stated is None else {}
         ratio = item.gearing.ratio if stated is None else stated
@@ -41,13 +49,21 @@ def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, A
     return {"motor": {} if implied else common} | drives
 
 
-def _linear(item: Any, given: Mapping[str, Any], report: Report) -> dict[str, Any]:
-    """Tables of a prismatic joint with a linear motor: effort [N] is its force at standstill, velocity its speed at no force."""
-    values = {"max_force": item.effort, "max_velocity": item.velocity}
+def _spindle(given: Mapping[str, Any], own: Any) -> bool:
+    """Whether a prismatic joint has a motor that turns: by its own motor's entries, or else by its own gear's ratio [rad/m]."""
+    if given.keys() & {*LINEAR.values()}:
+        return False
+    return bool(given.keys() & TURNS) or _ratio(own) is not None
+
+
+def _linear(item: Any, given: Mapping[str, Any], ratio: float, report: Report) -> dict[str, Any]:
+    """Tables of a prismatic joint with a linear motor: effort [N] is the force that it gives behind its gear at standstill, velocity
+    its speed at no force."""
+    values = {"max_force": item.effort / ratio, "max_velocity": item.velocity * ratio}
     usable = {name: value for name, value in values.items() if math.isfinite(value) and name not in given}
     if missing := [name for name in values if name not in usable.keys() | given.keys()]:
         _report_missing(item.joint, missing, report, alone=True)
-    more = {"rotor_mass": item.drive.armature} if item.drive.armature else {}
+    more = {"rotor_mass": item.drive.armature / ratio**2} if item.drive.armature else {}
     losses = {"friction": item.drive.friction, "damping": item.drive.damping}
     lossy = {name: value for name, value in losses.items() if value}
     return {"motor": usable | more} | ({"gear": lossy} if lossy else {})
