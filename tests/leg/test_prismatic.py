@@ -8,14 +8,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hopopt.cli.main import run
+from hopopt.control.setting import Setting
+from hopopt.control.strategies import Force
 from hopopt.design import Design
-from hopopt.errors import ProblemFileError
+from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.derived import derived
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.files.export import to_mjcf, to_urdf
 from hopopt.leg.kinematics import foot_jacobian, joint_positions
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.planner.solve import solve
+from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import load
 from hopopt.sim import mujoco
 from hopopt.sim.machine import Machine
@@ -198,3 +202,22 @@ def test_a_telescope_hops_in_pinocchio_and_in_mujoco(read: Any) -> None:
     assert found.verified
     trace = mujoco.replay(found.robot, found)
     assert trace.lowest[-1] == pytest.approx(found.sample([found.duration]).lowest[-1], abs=3e-4)
+
+
+def test_a_linear_motor_is_spoken_of_in_its_own_units(
+    read: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where one has no rotor's mass, nothing is advised; too much is in kg; what its force needs beside it is no voltage."""
+    light = TELESCOPE.replace(", rotor_mass = 0.1", "")
+    read(light)
+    assert run(["show", str(tmp_path / "leg.toml")]) == 0
+    assert "rotor inertia at" not in capsys.readouterr().out
+    heavy = doubts(read(TELESCOPE, "leg.slide.motor.rotor_mass=100.0"))
+    assert any("leg.slide.motor.rotor_mass = 100 kg and" in words for words in heavy)
+    with pytest.raises(ProblemFileError) as raised:
+        read(TELESCOPE.replace("max_velocity = 4.0, ", ""))
+    assert [words.partition("leg.slide")[2] for words in raised.value.problems] == [
+        ".motor.max_velocity is missing: give it."
+    ]
+    with pytest.raises(UsageError, match="two joints, not one whose joints slide or follow others"):
+        Force(Setting(read(TELESCOPE), 1 / 4000))
