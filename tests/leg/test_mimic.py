@@ -87,6 +87,7 @@ def test_limits_of_what_follows_hold_and_the_export_reads_back(read: Any) -> Non
         ('<mimic joint="ankle"/>', 'joint "ankle" mimics in a loop (ankle, ankle)'),
         ('<mimic joint="wrist"/>', 'joint "ankle" mimics "wrist", which the file does not have'),
         ('<mimic joint="knee" multiplier="0"/>', "multiplier 0, which moves nothing"),
+        ('<mimic joint="knee" offset="10"/>', 'joint "ankle" follows "knee" (1 times its angle plus 10 rad) and never lies within its own limits'),
         ('<mimic joint="knee" multiplier="two"/>', 'has <mimic multiplier="two">: a number such as 0.25 or 1e-3 is needed'),
     ],
 )  # fmt: skip
