@@ -1,6 +1,7 @@
 """Legs whose joints slide: pogo legs against closed forms, a telescope against Pinocchio and MuJoCo, and what is refused."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -8,7 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hopopt.api.solution import Solution
 from hopopt.cli.main import run
+from hopopt.cli.screen.motion import spring_lines
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import Force
 from hopopt.design import Design
@@ -20,9 +23,11 @@ from hopopt.leg.kinematics import foot_jacobian, joint_positions
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.planner.solve import solve
 from hopopt.problem.checking.doubts import doubts
-from hopopt.problem.load import load
+from hopopt.problem.load import load, rows
+from hopopt.problem.render import unit_at
 from hopopt.sim import mujoco
 from hopopt.sim.machine import Machine
+from hopopt.verify.springs.energy import SpringEnergy
 
 FORCE, STROKE, BODY, G = 200.0, 0.3, 5.0, 9.81
 POGO = f"""
@@ -184,6 +189,11 @@ def test_a_slide_of_a_urdf_is_driven_as_its_own_motor_and_gear_say(
         (["leg.slide.transmission.linear.slope=0.1"], "leg.slide.transmission goes with joints that turn"),
         (["leg.hip.transmission.coupling.slide.ratio=1.0"], "leg.hip.transmission goes with joints that turn"),
         (["start.joint_angles=[0.0, 0.3]"], "= 0.3 m is outside the limits of slide"),
+        (
+            ["leg.slide.upper=20"],
+            "a number from -7 to 7 m is needed; 20 looks like millimetres: write 0.02, or like centimetres",
+        ),
+        (["leg.slide.gear.friction=1e6"], "leg.slide.gear.friction = 1000000.0 N is too large"),
         (["leg.slide.lower=0.3"], "leg.slide.lower = 0.3 m is not below leg.slide.upper = 0.2 m"),
     ],
 )
@@ -200,6 +210,10 @@ def test_a_telescope_hops_in_pinocchio_and_in_mujoco(read: Any) -> None:
     pytest.importorskip("mujoco")
     found = solve(read(TELESCOPE))
     assert found.verified
+    columns = Solution.with_methods(found).to_dataframe([0.0]).columns
+    assert {"hip angle [rad]", "hip torque [N m]", "slide travel [m]", "slide speed [m/s]", "slide force [N]"} <= {
+        *columns
+    }
     trace = mujoco.replay(found.robot, found)
     assert trace.lowest[-1] == pytest.approx(found.sample([found.duration]).lowest[-1], abs=3e-4)
 
@@ -221,3 +235,28 @@ def test_a_linear_motor_is_spoken_of_in_its_own_units(
     ]
     with pytest.raises(UsageError, match="two joints, not one whose joints slide or follow others"):
         Force(Setting(read(TELESCOPE), 1 / 4000))
+
+
+def test_entries_of_what_slides_have_its_units(read: Any) -> None:
+    design = read(
+        TELESCOPE,
+        "leg.slide.gear.friction=2",
+        "leg.slide.gear.speed_cap=3",
+        "leg.spring.slide={stiffness=9, rest_angle=0}",
+    )
+    units = {row.path: row.unit for row in rows(design)}
+    assert [units[f"leg.slide.{entry}"] for entry in ("lower", "gear.friction", "gear.speed_cap")] == ["m", "N", "m/s"]
+    assert [units[f"leg.spring.slide.{entry}"] for entry in ("stiffness", "rest_angle")] == ["N/m", "m"]
+    assert [units[path] for path in ("leg.hip.lower", "leg.gear.ratio", "start.joint_angles")] == ["rad", "1", "rad, m"]
+    assert [unit_at(design, f"start.joint_angles[{k}]") for k in (0, 1)] == ["rad", "m"]
+    turned = TELESCOPE.replace("{max_force = 200.0, max_velocity = 4.0, rotor_mass = 0.1}", "{max_torque = 1.0}")
+    spindle = {
+        row.path: row.unit for row in rows(read(turned, "leg.slide.gear.ratio=200", "leg.slide.gear.speed_cap=900"))
+    }
+    assert [spindle[f"leg.slide.gear.{entry}"] for entry in ("ratio", "speed_cap")] == ["rad/m", "rad/s"]
+    energy, named = (
+        SpringEnergy(1.0, 2.0, 3.0, 177.0),
+        "leg.spring.both={stiffness=9, rest_angle=0, joints=['hip', 'slide']}",
+    )
+    lines = spring_lines(SimpleNamespace(springs={"slide": energy, "both": energy}, series_springs={"slide": energy}), read(TELESCOPE, "leg.spring.slide={stiffness=9, rest_angle=0}", named).leg)  # type: ignore[arg-type]  # fmt: skip
+    assert [line.partition("at most ")[2] for line in lines] == ["177 N", "177 N m", "177 N"]

@@ -24,7 +24,7 @@ from hopopt.optimality.directions.parametric_sensitivity import Slopes, gradient
 from hopopt.optimality.directions.touchdown_slopes import touchdown_slopes
 from hopopt.planner.answer.program_figures import by_friction
 from hopopt.planner.solution import Solution, stored_nlp
-from hopopt.problem.render import rows
+from hopopt.problem.render import rows, unit_at
 from hopopt.studies.influence import Influence
 
 FELT_HEIGHT = 1e-6  # [m] on the paper's leg, of another objective a share, that twice an entry's value must make of two sides that differ
@@ -56,7 +56,7 @@ def sensitivity(solution: Solution) -> list[Influence]:
         smooth = felt <= hardly or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
         error = error_of(solution, sizes[name][0], float(value))
         i = Influence(
-            name, float(value), entries[path].unit, float(more[k]), part_of, error_per_unit=error, objective_unit=unit,
+            name, float(value), unit_at(design, part_of or name), float(more[k]), part_of, error_per_unit=error, objective_unit=unit,
             maximize=maximize,
         )  # fmt: skip
         influences.append(i if smooth else replace(i, less_per_unit=float(less[k]), between=between))

@@ -61,7 +61,14 @@ def _derived(leg: Leg, found: LegFigures, far: Sequence[str]) -> Iterator[Shown]
         f"mass {found.mass:.4g} kg, weight {found.weight:.4g} N, leg stretched {found.reach:.3g} m; push at the start, drives at "
         f"standstill: {push}"
     )
-    heads = ("stall\nN m", "no load\nrad/s", "power\nW", "rotor\nkg m^2", "links\nkg m^2", "hold\nN m")
+    of = {
+        key: " or ".join(dict.fromkeys(getattr(leg.units(j), key) for j in leg.joints))
+        for key in ("tau", "v", "inertia")
+    }
+    heads = (
+        f"stall\n{of['tau']}", f"no load\n{of['v']}", "power\nW", f"rotor\n{of['inertia']}", f"links\n{of['inertia']}",
+        f"hold\n{of['tau']}",
+    )  # fmt: skip
     cells = [[j.name, *(f"{x:.3g}" for x in astuple(j)[1:])] for j in found.joints]
     yield table([named("joint"), *figures(*heads)], cells)
     yield (
