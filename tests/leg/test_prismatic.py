@@ -27,6 +27,7 @@ from hopopt.problem.load import load, rows
 from hopopt.problem.render import unit_at
 from hopopt.sim import mujoco
 from hopopt.sim.machine import Machine
+from hopopt.studies.sensitivity import drive_entries, sensitivity
 from hopopt.verify.springs.energy import SpringEnergy
 
 FORCE, STROKE, BODY, G = 200.0, 0.3, 5.0, 9.81
@@ -210,6 +211,7 @@ def test_a_telescope_hops_in_pinocchio_and_in_mujoco(read: Any) -> None:
     pytest.importorskip("mujoco")
     found = solve(read(TELESCOPE))
     assert found.verified
+    assert {i.name: i.unit for i in sensitivity(found)}["leg.slide.motor.max_force"] == "N"
     columns = Solution.with_methods(found).to_dataframe([0.0]).columns
     assert {"hip angle [rad]", "hip torque [N m]", "slide travel [m]", "slide speed [m/s]", "slide force [N]"} <= {
         *columns
@@ -260,3 +262,10 @@ def test_entries_of_what_slides_have_its_units(read: Any) -> None:
     )
     lines = spring_lines(SimpleNamespace(springs={"slide": energy, "both": energy}, series_springs={"slide": energy}), read(TELESCOPE, "leg.spring.slide={stiffness=9, rest_angle=0}", named).leg)  # type: ignore[arg-type]  # fmt: skip
     assert [line.partition("at most ")[2] for line in lines] == ["177 N", "177 N m", "177 N"]
+
+
+def test_sensitivity_finds_the_entries_of_a_linear_motor(read: Any) -> None:
+    """Each figure once, by the name that it has in the file."""
+    found = [(joint, entry) for path, joint, part, entry in drive_entries(read(TELESCOPE).leg) if part == "motor"]
+    named = [("hip", entry) for entry in ("max_torque", "max_speed", "rotor_inertia")]
+    assert sorted(found) == sorted(named + [("slide", entry) for entry in ("max_force", "max_velocity", "rotor_mass")])

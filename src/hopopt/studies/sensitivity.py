@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design, Leg, physical_parameters
+from hopopt.design.drives.motor import LINEAR
 from hopopt.design.parameters import variable_numbers
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
@@ -127,13 +128,15 @@ def with_own_drives(solution: Solution) -> Solution:
 
 
 def drive_entries(leg: Leg) -> Iterator[tuple[str, str, Any, str]]:
-    """Where each figure of each joint's drive stands: path, joint, part ("motor" or "gear"), entry."""
+    """Where each figure of each joint's drive stands: path, joint, part ("motor" or "gear"), entry, a linear motor's by its own name."""
+    turning = {linear: entry for entry, linear in LINEAR.items()}
     for part in ("motor", "gear"):
-        for entry in dict.fromkeys(p.split(".")[-1] for p in physical_parameters(leg) if f".{part}." in p):
+        given = (p.split(".")[-1] for p in physical_parameters(leg) if f".{part}." in p)
+        for entry in dict.fromkeys(turning.get(name, name) for name in given):
             for joint in leg.joints:
                 path, value = leg.drive(joint, part, entry)
                 if value is not None:
-                    yield path, joint, part, entry
+                    yield path, joint, part, path.rpartition(".")[2]
 
 
 def derivatives(design: Design, by: Slopes, signed: bool = True) -> dict[str, tuple[float, str | None]]:
