@@ -87,6 +87,7 @@ def test_limits_of_what_follows_hold_and_the_export_reads_back(read: Any) -> Non
         ('<mimic joint="ankle"/>', 'joint "ankle" mimics in a loop (ankle, ankle)'),
         ('<mimic joint="wrist"/>', 'joint "ankle" mimics "wrist", which the file does not have'),
         ('<mimic joint="knee" multiplier="0"/>', "multiplier 0, which moves nothing"),
+        ('<mimic joint="knee" offset="10"/>', 'joint "ankle" follows "knee" (1 times its angle plus 10 rad) and never lies within its own limits'),
         ('<mimic joint="knee" multiplier="two"/>', 'has <mimic multiplier="two">: a number such as 0.25 or 1e-3 is needed'),
     ],
 )  # fmt: skip
@@ -129,8 +130,19 @@ def test_an_actuator_turns_as_its_transmission_says(
     behind = ca.DM(drive_angles(leg, physical_parameters(leg), ca.SX(q))).full()[:, 0]
     gears = np.array([leg.drive(j, "gear", "ratio")[1] for j in leg.joints])
     np.testing.assert_allclose(gears * behind, np.array(turns) @ q, atol=1e-12)
-    # what the file limits at a joint stays there
-    assert gears[1] * leg.drive("knee", "motor", "max_torque")[1] == pytest.approx(60, rel=1e-12)
+    # what the file limits at a joint stays there, and some joint has all of it
+    torque, speed = ([leg.drive(j, "motor", f"max_{each}")[1] for j in leg.joints] for each in ("torque", "speed"))
+    assert max(np.abs(turns).T @ torque / [40, 60]) == pytest.approx(1, rel=1e-12)
+    assert max(np.abs(np.linalg.inv(turns)) @ speed / 20) == pytest.approx(1, rel=1e-12)
+
+
+def test_the_motors_of_a_differential_are_alike(read: Any) -> None:
+    """Of n_a = 10, n_j = 2 and 1, efforts 40 and 60 N m, speeds 20 rad/s: 2 x 10 (1 + 1) N m are the hip's effort; 200 rad/s turn
+    the knee by 20 rad/s alone."""
+    leg = read(robot(TRANSMISSION.format("DifferentialTransmission", ends(10.0, 10.0, 2.0, 1.0)))).leg
+    for j in leg.joints:
+        found = leg.drive(j, "motor", "max_torque")[1], leg.drive(j, "motor", "max_speed")[1]
+        assert found == pytest.approx((1.0, 200.0), rel=1e-12)
 
 
 def test_a_gear_of_the_problem_counts_over_that_of_the_file(read: Any) -> None:

@@ -1,6 +1,7 @@
 """Legs whose joints slide: pogo legs against closed forms, a telescope against Pinocchio and MuJoCo, and what is refused."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -8,6 +9,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hopopt.api.solution import Solution
+from hopopt.cli.main import run
+from hopopt.cli.screen.motion import spring_lines
+from hopopt.control.setting import Setting
+from hopopt.control.strategies import Force
 from hopopt.design import Design
 from hopopt.drivetrain.motor import rated
 from hopopt.errors import ProblemFileError, UsageError
@@ -20,12 +26,15 @@ from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.hops.shared_control import with_torque_constants
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solve import solve
-from hopopt.problem.load import load
+from hopopt.problem.checking.doubts import doubts
+from hopopt.problem.load import load, rows
+from hopopt.problem.render import unit_at
 from hopopt.sim import mujoco
 from hopopt.sim.machine import Machine
 from hopopt.studies.choose.run import choose
 from hopopt.studies.consistency import direction
-from hopopt.studies.sensitivity import drive_entries
+from hopopt.studies.sensitivity import drive_entries, sensitivity
+from hopopt.verify.springs.energy import SpringEnergy
 
 FORCE, STROKE, BODY, G = 200.0, 0.3, 5.0, 9.81
 POGO = f"""
@@ -154,6 +163,31 @@ def test_a_spindle_turns_its_motor(read: Any) -> None:
 
 
 @pytest.mark.parametrize(
+    ("lines", "motor", "linear"),
+    [
+        ("", {"max_force": 200.0, "max_velocity": 4.0}, True),
+        ("slide.gear.ratio = 100.0", {"max_torque": 2.0, "max_speed": 400.0}, False),
+        ("slide.motor.max_force = 50.0\nslide.gear.ratio = 2.0", {"max_force": 50.0, "max_velocity": 8.0}, True),
+        ("slide.motor = {rotor_mass = 0.1}\nslide.gear.ratio = 2.0", {"max_force": 100.0, "max_velocity": 8.0}, True),
+        ("slide.motor = {max_torque = 1.0, max_speed = 800.0}\nslide.gear.ratio = 150.0", {"max_torque": 1.0}, False),
+        ("slide.motor = {voltage = 24.0, torque_constant = 0.05, winding_resistance = 0.3}\nslide.gear.ratio = 100.0", {"voltage": 24.0}, False),
+    ],
+)  # fmt: skip
+def test_a_slide_of_a_urdf_is_driven_as_its_own_motor_and_gear_say(
+    lines: str, motor: dict[str, float], linear: bool, read: Any, tmp_path: Path
+) -> None:
+    """Effort and velocity are those of the joint: a gear of ratio n leaves the motor effort / n and velocity n."""
+    (tmp_path / "robot.xml").write_text(to_urdf(build_robot(read(TELESCOPE).leg)))
+    leg = read(
+        f'name = "t"\n[leg]\nurdf = "robot.xml"\njoints = ["hip", "slide"]\nfoot_frame = "foot"\nbody.mass = 4.0\n{lines}\n'
+        "[start]\njoint_angles = [0.0, 0.03]\n"
+    ).leg
+    assert leg.linear("slide") == linear
+    for entry, value in motor.items():
+        assert getattr(leg.joint["slide"].motor, entry) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
     ("overrides", "words"),
     [
         (["leg.motor.max_force=3.0"], "leg.motor.max_force is of a linear motor"),
@@ -162,6 +196,11 @@ def test_a_spindle_turns_its_motor(read: Any) -> None:
         (["leg.slide.transmission.linear.slope=0.1"], "leg.slide.transmission goes with joints that turn"),
         (["leg.hip.transmission.coupling.slide.ratio=1.0"], "leg.hip.transmission goes with joints that turn"),
         (["start.joint_angles=[0.0, 0.3]"], "= 0.3 m is outside the limits of slide"),
+        (
+            ["leg.slide.upper=20"],
+            "a number from -7 to 7 m is needed; 20 looks like millimetres: write 0.02, or like centimetres",
+        ),
+        (["leg.slide.gear.friction=1e6"], "leg.slide.gear.friction = 1000000.0 N is too large"),
         (["leg.slide.lower=0.3"], "leg.slide.lower = 0.3 m is not below leg.slide.upper = 0.2 m"),
     ],
 )
@@ -178,6 +217,11 @@ def test_a_telescope_hops_in_pinocchio_and_in_mujoco(read: Any) -> None:
     pytest.importorskip("mujoco")
     found = solve(read(TELESCOPE))
     assert found.verified
+    assert {i.name: i.unit for i in sensitivity(found)}["leg.slide.motor.max_force"] == "N"
+    columns = Solution.with_methods(found).to_dataframe([0.0]).columns
+    assert {"hip angle [rad]", "hip torque [N m]", "slide travel [m]", "slide speed [m/s]", "slide force [N]"} <= {
+        *columns
+    }
     trace = mujoco.replay(found.robot, found)
     assert trace.lowest[-1] == pytest.approx(found.sample([found.duration]).lowest[-1], abs=3e-4)
 
@@ -208,3 +252,54 @@ def test_a_body_on_a_slide_stays_above_the_ground(read: Any) -> None:
     """It is a point of its own where the first joint slides on it."""
     design = read(POGO)
     assert ("body", "body") in [row[:2] for row in height_rows(design)]
+
+
+def test_a_linear_motor_is_spoken_of_in_its_own_units(
+    read: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where one has no rotor's mass, nothing is advised; too much is in kg; what its force needs beside it is no voltage."""
+    light = TELESCOPE.replace(", rotor_mass = 0.1", "")
+    read(light)
+    assert run(["show", str(tmp_path / "leg.toml")]) == 0
+    assert "rotor inertia at" not in capsys.readouterr().out
+    heavy = doubts(read(TELESCOPE, "leg.slide.motor.rotor_mass=100.0"))
+    assert any("leg.slide.motor.rotor_mass = 100 kg and" in words for words in heavy)
+    with pytest.raises(ProblemFileError) as raised:
+        read(TELESCOPE.replace("max_velocity = 4.0, ", ""))
+    assert [words.partition("leg.slide")[2] for words in raised.value.problems] == [
+        ".motor.max_velocity is missing: give it."
+    ]
+    with pytest.raises(UsageError, match="two joints, not one whose joints slide or follow others"):
+        Force(Setting(read(TELESCOPE), 1 / 4000))
+
+
+def test_entries_of_what_slides_have_its_units(read: Any) -> None:
+    design = read(
+        TELESCOPE,
+        "leg.slide.gear.friction=2",
+        "leg.slide.gear.speed_cap=3",
+        "leg.spring.slide={stiffness=9, rest_angle=0}",
+    )
+    units = {row.path: row.unit for row in rows(design)}
+    assert [units[f"leg.slide.{entry}"] for entry in ("lower", "gear.friction", "gear.speed_cap")] == ["m", "N", "m/s"]
+    assert [units[f"leg.spring.slide.{entry}"] for entry in ("stiffness", "rest_angle")] == ["N/m", "m"]
+    assert [units[path] for path in ("leg.hip.lower", "leg.gear.ratio", "start.joint_angles")] == ["rad", "1", "rad, m"]
+    assert [unit_at(design, f"start.joint_angles[{k}]") for k in (0, 1)] == ["rad", "m"]
+    turned = TELESCOPE.replace("{max_force = 200.0, max_velocity = 4.0, rotor_mass = 0.1}", "{max_torque = 1.0}")
+    spindle = {
+        row.path: row.unit for row in rows(read(turned, "leg.slide.gear.ratio=200", "leg.slide.gear.speed_cap=900"))
+    }
+    assert [spindle[f"leg.slide.gear.{entry}"] for entry in ("ratio", "speed_cap")] == ["rad/m", "rad/s"]
+    energy, named = (
+        SpringEnergy(1.0, 2.0, 3.0, 177.0),
+        "leg.spring.both={stiffness=9, rest_angle=0, joints=['hip', 'slide']}",
+    )
+    lines = spring_lines(SimpleNamespace(springs={"slide": energy, "both": energy}, series_springs={"slide": energy}), read(TELESCOPE, "leg.spring.slide={stiffness=9, rest_angle=0}", named).leg)  # type: ignore[arg-type]  # fmt: skip
+    assert [line.partition("at most ")[2] for line in lines] == ["177 N", "177 N m", "177 N"]
+
+
+def test_sensitivity_finds_the_entries_of_a_linear_motor(read: Any) -> None:
+    """Each figure once, by the name that it has in the file."""
+    found = [(joint, entry) for path, joint, part, entry in drive_entries(read(TELESCOPE).leg) if part == "motor"]
+    named = [("hip", entry) for entry in ("max_torque", "max_speed", "rotor_inertia")]
+    assert sorted(found) == sorted(named + [("slide", entry) for entry in ("max_force", "max_velocity", "rotor_mass")])

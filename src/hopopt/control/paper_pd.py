@@ -23,7 +23,7 @@ from hopopt.control.setting import Setting, chosen
 from hopopt.control.two_mass import TwoMass
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
 from hopopt.errors import UsageError
-from hopopt.leg.kinematics import TwoJoints, foot_offset, two_joints
+from hopopt.leg.kinematics import TwoJoints, foot_offset, two_joints, unlike_two_joints
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Measurement
@@ -56,9 +56,10 @@ class PaperStrategy:
         """gains: options on the paper's leg in place of the printed ones."""
         self.leg = setting.design.leg
         if not two_joints(self.leg):
-            has = f"has {len(self.leg.joints)}" if len(self.leg.joints) != 2 else "leaves the x-z plane"
+            number = len(self.leg.joints)
+            has = f"this one has {number}" if number != 2 else f"not one {unlike_two_joints(self.leg)}"
             raise UsageError(
-                f"{setting.design.name}: the paper's strategies need a leg of two joints, this one {has}: "
+                f"{setting.design.name}: the paper's strategies need a leg of two joints, {has}: "
                 "simulate track or a strategy of your own (compare --strategies track)"
             )
         self.geometry = TwoJoints.of(self.leg)

@@ -108,6 +108,11 @@ def joints_of(name: str, spring: Spring) -> tuple[str, ...]:
     return spring.joints or (name,)
 
 
+def slides(leg: Leg, name: str, spring: Spring) -> bool:
+    """Whether a spring is of joints that slide alone: then its angle is a travel [m] and its torque a force [N]."""
+    return {*joints_of(name, spring)} <= {*leg.sliding}
+
+
 def _broken_line(table: SpringTable) -> dict[str, Any]:
     """Entries of ``SpringLaw`` that a table gives; it counts as empty at the point of the least torque."""
     angle, torque = np.array(table.angle), np.array(table.torque)

@@ -85,6 +85,14 @@ def two_joints(leg: Leg) -> bool:
     return len(leg.joints) == 2 and not apart and planar(leg) and min(across) >= IN_PLANE_SHARE
 
 
+def unlike_two_joints(leg: Leg) -> str:
+    """What a leg that is not one of ``two_joints`` has, in words."""
+    if len(leg.joints) != 2:
+        return "with other than two joints"
+    unlike = leg.follows or leg.sliding
+    return "whose joints slide or follow others" if unlike else "whose links or joints leave the x-z plane"
+
+
 def contact_axes(leg: Leg) -> tuple[int, ...]:
     """World axes along which a pinned foot takes a force: x and z, and y where the leg leaves the plane."""
     return PLANE if planar(leg) else SPACE

@@ -4,14 +4,16 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from pydantic import BaseModel
 
-from hopopt.design import Design
+from hopopt.design import Design, Leg
 from hopopt.design.fields import TRUNK
+from hopopt.design.geometry.link_joint import unit_along
 from hopopt.design.problem import OwnParameter
+from hopopt.drivetrain import springs
 from hopopt.leg.scales import reserve_of
 
 
@@ -28,7 +30,30 @@ class Row:
 def rows(design: Design) -> list[Row]:
     """Every entry of the problem with the value it has, in the order of the file."""
     found = list(_rows("", design))
+    if design.leg.sliding:
+        found = [replace(row, unit=_unit(design.leg, row.path, row.unit)) for row in found]
     return sorted(found, key=lambda row: "." in row.path)  # TOML wants the top entries before the tables
+
+
+def unit_at(design: Design, path: str) -> str:
+    """The unit of the entry at ``path``, or of one number of a list of them: start.joint_angles[1]; empty if there is none."""
+    entry, _, index = path.partition("[")
+    if entry == "start.joint_angles" and index:
+        return design.leg.units(design.leg.joints[int(index[:-1])]).q
+    return {row.path: row.unit for row in rows(design)}.get(entry, "")
+
+
+def _unit(leg: Leg, path: str, unit: str) -> str:
+    """The unit of an entry of a leg with joints that slide, by that which it has where all turn."""
+    table, _, inner = path.removeprefix("leg.").partition(".")
+    name, _, of_spring = inner.partition(".")
+    if table in leg.sliding:
+        return unit_along(inner, unit, leg.linear(table))
+    if table == "spring" and springs.slides(leg, name, (leg.spring or {})[name]):
+        return unit_along(of_spring, unit, True)
+    if path == "start.joint_angles":
+        return ", ".join(dict.fromkeys(leg.units(joint).q for joint in leg.joints))
+    return unit
 
 
 def values_of(design: Design) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design, Leg, physical_parameters
+from hopopt.design.drives.motor import LINEAR
 from hopopt.design.parameters import variable_numbers
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
@@ -24,7 +25,7 @@ from hopopt.optimality.directions.parametric_sensitivity import Slopes, gradient
 from hopopt.optimality.directions.touchdown_slopes import touchdown_slopes
 from hopopt.planner.answer.program_figures import by_friction
 from hopopt.planner.solution import Solution, stored_nlp
-from hopopt.problem.render import rows
+from hopopt.problem.render import rows, unit_at
 from hopopt.studies.influence import Influence
 
 FELT_HEIGHT = 1e-6  # [m] on the paper's leg, of another objective a share, that twice an entry's value must make of two sides that differ
@@ -56,7 +57,7 @@ def sensitivity(solution: Solution) -> list[Influence]:
         smooth = felt <= hardly or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
         error = error_of(solution, sizes[name][0], float(value))
         i = Influence(
-            name, float(value), entries[path].unit, float(more[k]), part_of, error_per_unit=error, objective_unit=unit,
+            name, float(value), unit_at(design, part_of or name), float(more[k]), part_of, error_per_unit=error, objective_unit=unit,
             maximize=maximize,
         )  # fmt: skip
         influences.append(i if smooth else replace(i, less_per_unit=float(less[k]), between=between))
@@ -127,13 +128,15 @@ def with_own_drives(solution: Solution) -> Solution:
 
 
 def drive_entries(leg: Leg) -> Iterator[tuple[str, str, Any, str]]:
-    """Where each figure of each joint's drive stands: path, joint, part ("motor" or "gear"), entry."""
+    """Where each figure of each joint's drive stands: path, joint, part ("motor" or "gear"), entry, a linear motor's by its own name."""
+    turning = {linear: entry for entry, linear in LINEAR.items()}
     for part in ("motor", "gear"):
-        for entry in dict.fromkeys(p.split(".")[-1] for p in physical_parameters(leg) if f".{part}." in p):
+        given = (p.split(".")[-1] for p in physical_parameters(leg) if f".{part}." in p)
+        for entry in dict.fromkeys(turning.get(name, name) for name in given):
             for joint in leg.joints:
                 path, value = leg.drive(joint, part, entry)
-                if value is not None and path.endswith(f".{entry}"):  # of a linear motor another
-                    yield path, joint, part, entry
+                if value is not None:
+                    yield path, joint, part, path.rpartition(".")[2]
 
 
 def derivatives(design: Design, by: Slopes, signed: bool = True) -> dict[str, tuple[float, str | None]]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from hopopt.comparison.compare import OPTIMUM, Comparison
 from hopopt.comparison.hops.hop_after_hop import HopsComparison
 from hopopt.comparison.robust.robust import RobustHop
+from hopopt.design.geometry.link_joint import Units
 from hopopt.leg.kinematics import contact_axes
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
@@ -25,6 +26,14 @@ if TYPE_CHECKING:
 
 INSTANTS = 201  # of a hop, if no times are given
 NOTEBOOK_ROWS = 12  # of a table in a notebook
+OF_JOINTS: Mapping[
+    str, tuple[str, Mapping[str, str]]
+] = {  # field of Units, and how it is called of a joint that slides
+    "angle": ("q", {"travel": "travel"}),
+    "speed": ("v", {}),
+    "angular_acceleration": ("a", {"travel": "acceleration"}),
+    "torque": ("tau", {"travel": "force"}),
+}
 
 
 def solution_dataset(solution: Solution, t: ArrayLike | None = None) -> "xr.Dataset":
@@ -37,11 +46,15 @@ def solution_dataset(solution: Solution, t: ArrayLike | None = None) -> "xr.Data
 
     s = solution.sample(np.linspace(0.0, solution.end, INSTANTS) if t is None else t)
     parts: dict[str, Any] = {"phase": ("t", s.phase)}
+    units = [solution.design.leg.units(joint) for joint in solution.design.leg.joints]
+    of_joints = {
+        name: ", ".join(dict.fromkeys(getattr(unit, of) for unit in units)) for name, (of, _) in OF_JOINTS.items()
+    }
     names = (("position", "angle", ""), ("velocity", "speed", "/s"), ("acceleration", "angular_acceleration", "/s^2"))
     for (of_body, of_joint, per), values in zip(names, (s.q, s.v, s.a), strict=True):
         parts[of_body] = (("t", "axis"), values[:, :BASE], {"units": f"m{per}"})
-        parts[of_joint] = (("t", "joint"), values[:, BASE:], {"units": f"rad{per}"})
-    parts["torque"] = (("t", "joint"), s.tau, {"units": "N m"})
+        parts[of_joint] = (("t", "joint"), values[:, BASE:], {"units": of_joints[of_joint]})
+    parts["torque"] = (("t", "joint"), s.tau, {"units": of_joints["torque"]})
     parts["force"] = (("t", "direction"), s.f, {"units": "N"})
     parts["point"] = (("t", "name", "axis"), np.stack(list(s.points.values()), axis=1), {"units": "m"})
     labels = {
@@ -60,11 +73,14 @@ def solution_frame(solution: Solution, t: ArrayLike | None = None) -> "pd.DataFr
     import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
 
     data, columns = solution_dataset(solution, t), dict[str, Any]()
+    units = [solution.design.leg.units(joint) for joint in solution.design.leg.joints]
     for name, values in data.data_vars.items():
         unit = f" [{values.attrs['units']}]" if "units" in values.attrs else ""
         if values.ndim == 1:
             columns[str(name)] = values.values
-        for labels in np.ndindex(values.shape[1:]) if values.ndim > 1 else ():
+        for labels in np.ndindex(*values.shape[1:]) if values.ndim > 1 else ():
+            own = units[int(labels[0])] if name in OF_JOINTS else None
+            said, per_unit = (str(name), unit) if own is None else _called(own, str(name))
             words = [str(data[dim].values[k]) for dim, k in zip(values.dims[1:], labels, strict=True)]
             kind = {
                 "position": ["body", *words],
@@ -72,10 +88,16 @@ def solution_frame(solution: Solution, t: ArrayLike | None = None) -> "pd.DataFr
                 "acceleration": ["body", *words, name],
             }
             of = {"point": words, "force": ["force", *words]}
-            columns[f"{' '.join(map(str, {**kind, **of}.get(str(name), [*words, name])))}{unit}"] = values.values[
+            columns[f"{' '.join(map(str, {**kind, **of}.get(str(name), [*words, said])))}{per_unit}"] = values.values[
                 :, *labels
             ]
     return pd.DataFrame(columns, index=pd.Index(data["t"].values, name="t [s]"))
+
+
+def _called(of: Units, name: str) -> tuple[str, str]:
+    """How a variable is called of one joint, and its unit in brackets."""
+    field, names = OF_JOINTS[name]
+    return names.get(of.place, name), f" [{getattr(of, field)}]"
 
 
 def comparison_frame(comparison: Comparison | HopsComparison) -> "pd.DataFrame":

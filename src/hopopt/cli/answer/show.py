@@ -9,7 +9,7 @@ from rich.table import Column
 
 from hopopt.cli.options import AsJson, Overrides, ended
 from hopopt.cli.screen.console import Shown, figures, named, table
-from hopopt.design import Design
+from hopopt.design import Design, Leg
 from hopopt.errors import UsageError
 from hopopt.leg.derived import LegFigures, derived
 from hopopt.problem.checking.doubts import doubts
@@ -32,7 +32,7 @@ def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) 
         design = load(what, set_ or ())
         found, far = derived(design), doubts(design)
         data = as_json(design) | {"derived": asdict(found), "doubts": far}
-        return ended(data, json_, [*_problem(design), *_derived(found, far)])
+        return ended(data, json_, [*_problem(design), *_derived(design.leg, found, far)])
     if set_:
         raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
     from hopopt.cli.answer.stored import stored
@@ -53,7 +53,7 @@ def _problem(design: Design) -> Iterator[Shown]:
     yield table(columns, cells, design.title or design.name)
 
 
-def _derived(found: LegFigures, far: Sequence[str]) -> Iterator[Shown]:
+def _derived(leg: Leg, found: LegFigures, far: Sequence[str]) -> Iterator[Shown]:
     """What follows from the entries, a row for each joint, and what is far outside what legs have."""
     push = "no joint lifts the foot" if found.push is None else f"{found.push:.2f} weights"
     yield "\nWhat follows from them"
@@ -61,14 +61,21 @@ def _derived(found: LegFigures, far: Sequence[str]) -> Iterator[Shown]:
         f"mass {found.mass:.4g} kg, weight {found.weight:.4g} N, leg stretched {found.reach:.3g} m; push at the start, drives at "
         f"standstill: {push}"
     )
-    heads = ("stall\nN m", "no load\nrad/s", "power\nW", "rotor\nkg m^2", "links\nkg m^2", "hold\nN m")
+    of = {
+        key: " or ".join(dict.fromkeys(getattr(leg.units(j), key) for j in leg.joints))
+        for key in ("tau", "v", "inertia")
+    }
+    heads = (
+        f"stall\n{of['tau']}", f"no load\n{of['v']}", "power\nW", f"rotor\n{of['inertia']}", f"links\n{of['inertia']}",
+        f"hold\n{of['tau']}",
+    )  # fmt: skip
     cells = [[j.name, *(f"{x:.3g}" for x in astuple(j)[1:])] for j in found.joints]
     yield table([named("joint"), *figures(*heads)], cells)
     yield (
         "stall and no load: torque at standstill and speed without torque, at the joint; rotor and links: inertia about the "
         "joint, reflected through the gear and in the start pose; hold: torque that keeps the start pose"
     )
-    without = [j.name for j in found.joints if not j.rotor_inertia]
+    without = [j.name for j in found.joints if not (j.rotor_inertia or leg.linear(j.name))]
     if without:
         yield f"no rotor inertia at the {' and '.join(without)}: hops come out too high; look at leg.motor.rotor_inertia"
     yield from (f"doubt: {words}" for words in far)

@@ -35,7 +35,7 @@ def short(solution: Solution) -> Iterator[Shown]:
     return headed(
         s,
         in_short=in_short(s, solution.design),
-        hop=hop_lines(s, solution.design.surroundings),
+        hop=hop_lines(s, solution.design),
         control=control_lines(s),
         limits=_limits(s),
         structure=structure_lines(s) if s.structure.solved_again is not None else [],

@@ -40,7 +40,7 @@ def whole(solution: Solution) -> Iterator[Shown]:
     return headed(
         s,
         in_short=in_short(s, solution.design),
-        hop=[*hop_lines(s, solution.design.surroundings), _ground(s)],
+        hop=[*hop_lines(s, solution.design), _ground(s)],
         effort=_effort(s),
         limits=_limits(s),
         control=control_lines(s),

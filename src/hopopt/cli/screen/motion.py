@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from hopopt.design import GRAVITY, Environment
+from hopopt.design import GRAVITY, Design, Environment, Leg
+from hopopt.design.geometry.link_joint import SLIDING, TURNING
+from hopopt.drivetrain.springs import slides
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.motion import at_apex
@@ -15,7 +17,7 @@ NO_STEP = 1e-6  # of the clearance: a step that is none
 SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
 
 
-def hop_lines(s: Summary, around: Environment) -> list[str]:
+def hop_lines(s: Summary, design: Design) -> list[str]:
     """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
     p, stance, flight, lift = s.parts, s.phases["stance"], s.phases["flight"], s.lift_off
     lands = "".join(
@@ -40,11 +42,11 @@ def hop_lines(s: Summary, around: Environment) -> list[str]:
         f"{s.peak_ground_force_N:.0f} N",
         *box,
         *drive_lines(s),
-        *spring_lines(s),
+        *spring_lines(s, design.leg),
         *heat_lines(s),
         *nearest_lines(s.collision),
-        *orbit_lines(s, around.gravity),
-        *_where(around),
+        *orbit_lines(s, design.surroundings.gravity),
+        *_where(design.surroundings),
     ]
 
 
@@ -82,11 +84,13 @@ def drive_lines(s: Summary) -> list[str]:
     return [f"{words}; supply: {sags}"]
 
 
-def spring_lines(s: Summary) -> list[str]:
+def spring_lines(s: Summary, leg: Leg) -> list[str]:
     """What each spring stores and gives back in stance."""
+    of_slides = {f"spring {name}" for name, spring in (leg.spring or {}).items() if slides(leg, name, spring)}
+    of_slides |= {f"series spring of the {joint}" for joint in leg.sliding}
     return [
         f"{name}: {e.at_start_J:.1f} J stored at the start, {e.taken_J:.1f} J taken up and {e.given_J:.1f} J given in stance, "
-        f"at most {e.peak_torque_Nm:.3g} N m"
+        f"at most {e.peak_torque_Nm:.3g} {(SLIDING if name in of_slides else TURNING).tau}"
         for name, e in {
             **{f"spring {name}": e for name, e in (s.springs or {}).items()},
             **{f"series spring of the {joint}": e for joint, e in (s.series_springs or {}).items()},

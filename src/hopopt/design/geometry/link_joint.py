@@ -1,6 +1,6 @@
 """How a link moves on the one above it: by a joint with a drive, or by one that follows such a joint."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 
@@ -24,6 +24,19 @@ class Units:
 
 TURNING = Units("angle", "torque", "rad", "rad/s", "rad/s^2", "N m", "kg m^2")
 SLIDING = Units("travel", "force", "m", "m/s", "m/s^2", "N", "kg")
+ALONG = {  # unit of what turns -> of what slides
+    **dict(zip(astuple(TURNING), astuple(SLIDING), strict=True)),
+    "N m/s": "N/s", "N m/rad": "N/m", "N m s/rad": "N s/m",
+}  # fmt: skip
+AT_THE_MOTOR = ("motor.", "gear.speed_cap", "gear.inertia", "gear.efficiency_table.speed")  # of a joint's table
+
+
+def unit_along(entry: str, unit: str, linear: bool) -> str:
+    """The unit of an entry of a prismatic joint's table, such as gear.friction, by that which it has where the joint turns;
+    linear: whether its motor is."""
+    if entry.startswith(AT_THE_MOTOR) and not linear:
+        return unit
+    return "rad/m" if entry == "gear.ratio" and not linear else ALONG.get(unit, unit)
 
 
 def follower(link: str) -> str:

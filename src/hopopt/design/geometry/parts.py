@@ -36,8 +36,8 @@ class Follows(Section):
     """A joint without a drive, which rods or belts turn as another joint of the leg turns (a URDF's mimic)."""
 
     joint: EntryName = choice("joint of leg.joints that it follows")
-    ratio: float = quantity("its angle for each radian, or its travel for each metre, of that joint", "1", -100, 100)
-    offset: float = quantity("its angle or travel where that joint is at zero", "rad", -20, 20, 0.0)
+    ratio: float = quantity("its angle for each radian of that joint", "1", -100, 100)
+    offset: float = quantity("its angle where that joint is at zero", "rad", -20, 20, 0.0)
     axis: Vector = choice("its axis, all joint angles zero (x, y, z); default: positive swings forward", FORWARD)
 
 

@@ -214,17 +214,26 @@ class _Robot:
 
     def coupled(self) -> Iterator[tuple[str, dict[str, str]]]:
         """Joints that an equality lets follow another one, and how; UrdfError where that is no straight line."""
+        tied = dict[str, tuple[str, ...]]()
         for element in self.root.findall("equality/joint"):
             rod, other = element.get("joint1", ""), element.get("joint2", "")
             if element.get("active") == "false" or not other:
                 continue
             text = element.get("polycoef", "0")
-            given = decimals(text, len(text.split()), f"joint {quoted(rod)} has a polycoef", LARGEST)
+            count = min(max(len(text.split()), 1), len(STRAIGHT))
+            given = decimals(text, count, f"joint {quoted(rod)} has polycoef={quoted(text)}", LARGEST)
             offset, ratio, *bent = [*given, *STRAIGHT[len(given) :]]
-            if any(bent) and {rod, other} & {*self.chain}:
+            of_leg, before = {*self.chain}, tied.get(rod, ())
+            tied[rod] = (*before, other)
+            follows = f"joint {quoted(rod)} follows {quoted(other)}"
+            if any(bent) and {rod, other} & of_leg:
+                raise UrdfError(f"{follows} along a curve: polycoef has two numbers at most")
+            if not ratio and {rod, other} & of_leg:
                 raise UrdfError(
-                    f"joint {quoted(rod)} follows {quoted(other)} along a curve: polycoef has two numbers at most"
+                    f"{follows} by polycoef={quoted(text)}, which holds it still: take its equality out, and lock it by leg.locked"
                 )
+            if before and {rod, *tied[rod]} & of_leg:
+                raise UrdfError(f"{follows}, and another equality says how it moves too: keep one of them")
             yield rod, {"joint": other, "multiplier": repr(ratio), "offset": repr(offset)}
 
     def refuse_loops(self, joint: str) -> None:

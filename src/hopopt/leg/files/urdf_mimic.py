@@ -78,7 +78,9 @@ def _resolved(tree: Tree, name: str) -> Mimic:
         by = next(iter(numbers(tree.joints[at], "mimic", "multiplier", 1, where)), 1.0)
         plus = next(iter(numbers(tree.joints[at], "mimic", "offset", 1, where)), 0.0)
         if not by:
-            raise UrdfError(f"{where} mimics with multiplier 0, which moves nothing: leave out its <mimic>")
+            raise UrdfError(
+                f"{where} mimics {quoted(other)} with multiplier 0, which moves nothing: take that out of the file, and it is locked"
+            )
         ratio, offset, at = ratio * by, offset + ratio * plus, other
         passed.append(at)
     if not all(tree.joints[each].get("type") in MOVING for each in (name, at)):

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from hopopt import extensions
 from hopopt.design import Design, Leg
+from hopopt.design.geometry.link_joint import unit_along
 from hopopt.design.names import names_in
 from hopopt.problem.checking.drive_rules import (
     drive_rules,
@@ -150,7 +151,7 @@ def _path(loc: Iterable[int | str]) -> str:
 def _described(fault: Any, tables: Mapping[str, Any]) -> str:
     """What to say about one of pydantic's faults, to follow the path of its entry."""
     loc, value = fault["loc"], fault["input"]
-    entry = entry_at(loc) or {}
+    entry = _as_it_moves(entry_at(loc) or {}, loc, tables)
     if fault["type"] == "extra_forbidden":
         return _unknown(str(loc[-1]), _path(loc[:-1]), _known(loc[:-1], tables))
     if fault["type"] == "missing" and loc[0] in NEEDED and len(loc) == 1:
@@ -162,6 +163,16 @@ def _described(fault: Any, tables: Mapping[str, Any]) -> str:
     unit = f" {unit_of(entry)}" if is_number(value) and unit_of(entry) else ""
     meant = hint(value, entry, in_list=isinstance(loc[-1], int))
     return f"= {shown(value)}{unit} {REFUSED.get(fault['type'], 'is not allowed')}: {allowed(entry)} is needed{meant}"
+
+
+def _as_it_moves(entry: Mapping[str, Any], loc: Sequence[int | str], tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    """An entry with the unit that it has at its joint, if that slides."""
+    joint = tables["leg"]["joint"].get(loc[2], {}) if loc[:2] == ("leg", "joint") and len(loc) > 3 else {}
+    if "unit" not in entry or not isinstance(joint, Mapping) or joint.get("type") != "prismatic":
+        return entry
+    motor = joint.get("motor")
+    inner = ".".join(str(step) for step in loc[3:])
+    return {**entry, "unit": unit_along(inner, entry["unit"], isinstance(motor, Mapping) and "max_force" in motor)}
 
 
 def _known(loc: Any, tables: Mapping[str, Any]) -> list[str]:

@@ -27,7 +27,7 @@ def _torques(leg: Leg, found: LegFigures) -> list[str]:
     levers = [found.weight * (1.0 if j.name in leg.sliding else found.reach) for j in found.joints]
     strongest, lever = max(zip(found.joints, levers, strict=True), key=lambda each: each[0].stall_torque / each[1])
     unit, times = leg.units(strongest.name).tau, _lever(leg, strongest)
-    entry = _entry(leg, strongest, "max_torque", unit)
+    entry = _entry(leg, strongest, "max_torque", unit if leg.linear(strongest.name) else "N m")
     if found.push is not None and found.push < 1:
         return [
             f"at the start the drives hold {found.push:.2g} weights on the foot, less than the leg's own: look at {entry}"
@@ -62,7 +62,7 @@ def _rotors(leg: Leg, found: LegFigures) -> list[str]:
     return [
         f"the rotor of the {j.name} has {j.rotor_inertia / j.link_inertia:.3g} times the inertia of its links "
         f"({j.rotor_inertia:.3g} and {j.link_inertia:.3g} {leg.units(j.name).inertia} at the joint): look at "
-        f"{_entry(leg, j, 'rotor_inertia', 'kg m^2')}"
+        f"{_entry(leg, j, 'rotor_inertia', leg.units(j.name).inertia if leg.linear(j.name) else 'kg m^2')}"
         for j in found.joints
         if j.rotor_inertia > ROTOR * j.link_inertia
     ]

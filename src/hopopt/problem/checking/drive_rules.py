@@ -75,7 +75,8 @@ def _datasheet_rules(leg: Leg, report: Report) -> None:
         for name in IMPLIES:
             if missing := lacking(leg, joint, name):
                 needed = ", ".join(f"motor.{entry}" for entry in missing)
-                words = f"is missing: give it, or what the motor's datasheet still lacks: {needed}"
+                datasheet = "" if leg.linear(joint) else f", or what the motor's datasheet still lacks: {needed}"
+                words = f"is missing: give it{datasheet}"
                 faults.setdefault(leg.drive(joint, "motor", name)[0], words)
         constant = leg.drive(joint, "motor", "torque_constant")[1]
         for name in ("no_load_current", "current_cap"):

@@ -10,7 +10,16 @@ from hopopt.design import Design, HopSettings, Leg, StartPose
 from hopopt.design.fields import RESERVED, RESERVED_JOINTS, TRUNK
 from hopopt.design.geometry.link_joint import follower
 from hopopt.leg.inertia import obeys_triangle, principal_moments
-from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
+from hopopt.leg.kinematics import (
+    TwoJoints,
+    joint_positions,
+    loop_axes,
+    reach,
+    start_fault,
+    two_joints,
+    unlike_two_joints,
+    within_limits,
+)
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import did_you_mean, is_number, lookalike
 from hopopt.problem.render import shown
@@ -228,10 +237,7 @@ def _height_faults(leg: Leg, start: StartPose) -> Iterator[tuple[str, str]]:
     height, foot = start.hip_height, start.foot_x
     assert height is not None
     if not two_joints(leg):
-        unlike = leg.follows or leg.sliding
-        apart = "whose joints slide or follow others" if unlike else "whose links or joints leave the x-z plane"
-        other = "with other than two joints" if len(leg.joints) != 2 else apart
-        words = f"does not give the pose of a leg {other}: give start.joint_angles instead"
+        words = f"does not give the pose of a leg {unlike_two_joints(leg)}: give start.joint_angles instead"
         yield "start.hip_height", f"= {height} m {words}"
         return
     solutions = TwoJoints.of(leg).angles(np.array([foot, -height]))

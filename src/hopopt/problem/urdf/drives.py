@@ -1,13 +1,23 @@
 """Motors, gears and transmissions of a leg out of a robot's file, where the problem states none."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from hopopt.design.drives.motor import LINEAR
 from hopopt.drivetrain.motor import IMPLIES
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import is_number
 from hopopt.problem.render import shown_path
+
+TURNS = {
+    *LINEAR,
+    "catalogue",
+    "current_cap",
+    *(entry for entries in IMPLIES.values() for entry in entries),
+}  # of a rotary motor
 
 
 def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
@@ -17,17 +27,19 @@ def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, A
     drives: dict[str, dict[str, Any]] = {}
     common: dict[str, Any] = {}
     for_all, implied = _motor(leg), set[str]()
+    coupled = _at_coupled_drives([each for each in found.links if each.follows is None], leg)
     for item in (each for each in found.links if each.follows is None):
         own = leg.get(item.joint)
         stated, given = _ratio(own, leg), _motor(own)
-        if item.slides and "max_torque" not in given:
-            drives[item.joint] = _linear(item, given, report)
+        if item.slides and not _spindle(given, own):
+            drives[item.joint] = _linear(item, given, _ratio(own) or 1.0, report)
             continue
         turning = _turning(item, own) if stated is None else {}
         ratio = item.gearing.ratio if stated is None else stated
         known = for_all.keys() | (here := _implied(for_all | given, leg))
         implied |= here
-        values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
+        torque, speed = coupled.get(item.joint, (item.effort / ratio, item.velocity * ratio))
+        values = {"max_torque": torque, "max_speed": speed}
         usable = {k: v for k, v in values.items() if math.isfinite(v) and k not in known}
         rotor = item.drive.armature / ratio**2
         more = {"rotor_inertia": rotor} if rotor and "rotor_inertia" not in for_all else {}
@@ -41,13 +53,44 @@ def drives_of(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, A
     return {"motor": {} if implied else common} | drives
 
 
-def _linear(item: Any, given: Mapping[str, Any], report: Report) -> dict[str, Any]:
-    """Tables of a prismatic joint with a linear motor: effort [N] is its force at standstill, velocity its speed at no force."""
-    values = {"max_force": item.effort, "max_velocity": item.velocity}
+def _spindle(given: Mapping[str, Any], own: Any) -> bool:
+    """Whether a prismatic joint has a motor that turns: by its own motor's entries, or else by its own gear's ratio [rad/m]."""
+    if given.keys() & {*LINEAR.values()}:
+        return False
+    return bool(given.keys() & TURNS) or _ratio(own) is not None
+
+
+def _at_coupled_drives(items: Sequence[Any], leg: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Torque and speed of each drive that a transmission of the file couples to other joints, by its joint: the largest at which
+    no joint passes its effort or velocity whatever the drives do, if all that move a joint have equal shares of it."""
+    names, turns = [item.joint for item in items], np.zeros((len(items), len(items)))
+    for k, item in enumerate(items):
+        stated = _ratio(own := leg.get(item.joint), leg)
+        turning, turns[k, k] = _turning(item, own) if stated is None else {}, 1.0
+        for other, by in turning.get("transmission", {}).get("coupling", {}).items():
+            if other in names:
+                turns[k, names.index(other)] = by["ratio"]
+        turns[k] *= item.gearing.ratio if stated is None else stated
+    torques = _equal_shares([item.effort for item in items], turns)
+    speeds = _equal_shares([item.velocity for item in items], np.linalg.inv(turns).T)
+    coupled = np.count_nonzero(turns, axis=0) + np.count_nonzero(turns, axis=1) > 2
+    return {name: (torques[k], speeds[k]) for k, name in enumerate(names) if coupled[k]}
+
+
+def _equal_shares(most: Sequence[float], by: np.ndarray) -> list[float]:
+    """What each drive (row of ``by``) may give so that no joint (column) has more than its ``most``; nan where one is not known."""
+    shares = np.array(most) / np.count_nonzero(by, axis=0)
+    return [float(np.min(shares[row != 0] / np.abs(row[row != 0]))) for row in by]
+
+
+def _linear(item: Any, given: Mapping[str, Any], ratio: float, report: Report) -> dict[str, Any]:
+    """Tables of a prismatic joint with a linear motor: effort [N] is the force that it gives behind its gear at standstill, velocity
+    its speed at no force."""
+    values = {"max_force": item.effort / ratio, "max_velocity": item.velocity * ratio}
     usable = {name: value for name, value in values.items() if math.isfinite(value) and name not in given}
     if missing := [name for name in values if name not in usable.keys() | given.keys()]:
         _report_missing(item.joint, missing, report, alone=True)
-    more = {"rotor_mass": item.drive.armature} if item.drive.armature else {}
+    more = {"rotor_mass": item.drive.armature / ratio**2} if item.drive.armature else {}
     losses = {"friction": item.drive.friction, "damping": item.drive.damping}
     lossy = {name: value for name, value in losses.items() if value}
     return {"motor": usable | more} | ({"gear": lossy} if lossy else {})

@@ -15,7 +15,7 @@ import numpy as np
 
 from hopopt.files import read_regular
 from hopopt.leg.files.urdf import read_leg
-from hopopt.leg.files.urdf_xml import MAX_BYTES, UrdfError
+from hopopt.leg.files.urdf_xml import MAX_BYTES, UrdfError, quoted
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import is_number
 from hopopt.problem.reading import beside
@@ -164,7 +164,7 @@ def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
         name = _name(item.link, (*leg["joints"], *links))
         links.append(name)
         if item.follows is None:
-            limits = dict(zip(("lower", "upper"), _limits(item, found), strict=True))
+            limits = dict(zip(("lower", "upper"), _limits(item, found, leg.get(item.joint)), strict=True))
             tables[item.joint] = {k: v for k, v in limits.items() if math.isfinite(v)} | {"axis": item.axis}
             tables[item.joint] |= {"type": "prismatic"} if item.slides else {}
         length = math.hypot(*item.vector)
@@ -180,13 +180,21 @@ def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
     return _merged(body | tables, drives_of(found, leg, report))
 
 
-def _limits(item: Any, found: Any) -> tuple[float, float]:
-    """Of a joint [rad]: its own, or those of joints that follow it, where these are narrower; nan where the file has none."""
+def _limits(item: Any, found: Any, own: Any) -> tuple[float, float]:
+    """Of a joint [rad]: its own, or those of joints that follow it, where these are narrower; nan where the file has none. UrdfError
+    where they leave nothing, unless the joint's ``own`` table in the problem has others."""
     lower, upper = item.lower, item.upper
+    stated = isinstance(own, Mapping) and {"lower", "upper"} <= own.keys()
     for other in found.links:
         if other.follows is not None and other.follows.joint == item.joint:
             low, high = other.follows.range(other.lower, other.upper)
-            lower, upper = np.fmax(lower, low), np.fmin(upper, high)
+            before, (lower, upper) = (lower, upper), (np.fmax(lower, low), np.fmin(upper, high))
+            if before[0] < before[1] and not lower < upper and not stated:
+                raise UrdfError(
+                    f"joint {quoted(other.joint)} follows {quoted(item.joint)} ({other.follows.ratio:g} times its angle plus "
+                    f"{other.follows.offset:g} rad) and never lies within its own limits, {other.lower:g} to {other.upper:g} rad: "
+                    f"change these, its offset, or give leg.{item.joint}.lower and upper, now {before[0]:g} and {before[1]:g} rad"
+                )
     return float(lower), float(upper)
 
 

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.problem.render import rows
+from hopopt.problem.render import unit_at
 from hopopt.studies.sweep.definition import Axis
 from hopopt.studies.sweep.point_file import Point
 from hopopt.studies.sweep.run import Study
@@ -33,7 +33,7 @@ def kind_label(point: Point) -> str:
 
 def entry_unit(design: Design, entry: str) -> str:
     """The unit of an entry of a problem; empty for a number without one."""
-    unit = {row.path: row.unit for row in rows(design)}.get(entry.partition("[")[0], "")
+    unit = unit_at(design, entry)
     return "" if unit == "1" else unit
 
 
