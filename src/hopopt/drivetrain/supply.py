@@ -42,10 +42,16 @@ def power_scale(leg: Leg, p: Mapping[str, Any]) -> Any:
     return sum(torque * speed / 4 for torque, speed in drives)
 
 
+def power_used(leg: Leg, p: Mapping[str, Any], tau: Any, w: Any) -> Any:
+    """Mechanical power and heat of the windings [W] of one leg, below zero where its motors feed back; arguments as of
+    ``power_drawn``."""
+    heats = [winding_heat(leg, joint, p) for joint in leg.joints]
+    return sum(t * v + h * t * t for t, v, h in zip(tau, w, heats, strict=True))
+
+
 def power_drawn(leg: Leg, p: Mapping[str, Any], tau: Any, w: Any) -> Any:
     """P [W] of one leg, from its motors' torques tau [N m] and joint speeds w [rad/s], one of each for each joint."""
-    heats = [winding_heat(leg, joint, p) for joint in leg.joints]
-    total = sum(t * v + h * t * t for t, v, h in zip(tau, w, heats, strict=True))
+    total = power_used(leg, p, tau, w)
     if leg.supply is None or leg.supply.recuperation:
         return total
     even = EVEN * power_scale(leg, p)

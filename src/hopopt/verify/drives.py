@@ -22,10 +22,10 @@ from hopopt.drivetrain.gear import (
 )
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion, torque_lines, within
 from hopopt.drivetrain.operating_region.region import operating_region
-from hopopt.drivetrain.supply import WINDING, power_drawn, sag, share_at, winding_heat
+from hopopt.drivetrain.supply import WINDING, power_drawn, power_used, sag, share_at, winding_heat
 from hopopt.drivetrain.transmission import Turning
 from hopopt.leg.robot import BASE, Robot
-from hopopt.record import Strict, stated
+from hopopt.record import Strict, if_any, stated
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, STATE, Check
 from hopopt.verify.replay import missed
@@ -185,6 +185,7 @@ class SupplyFigures(Strict):
     lowest_voltage_V: float = stated("of the bus at its terminals [V]")
     peak_current_A: float = stated("of each supply [A]")
     energy_J: float = stated("drawn at its terminals, by all legs [J]")
+    burnt_J: float | None = if_any("of what the motors feed back, burnt [J]; left out where the supply takes it back")
 
 
 def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
@@ -206,23 +207,21 @@ def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
 
 
 def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures | None:
-    """Lowest voltage [V], greatest current [A] and energy [J] of the supply; None without one."""
+    """Lowest voltage [V], greatest current [A] and energies [J] of the supply; None without one."""
     leg, p = robot.leg, robot.parameters
     if leg.supply is None:
         return None
-    lowest, peak, energy = np.inf, 0.0, 0.0
+    lowest, peak, energy, used = np.inf, 0.0, 0.0, 0.0
     for table in tables.values():
-        power = power_drawn(
-            leg,
-            p,
-            list(np.moveaxis(table.asked, -1, 0)),
-            list(np.moveaxis(robot.drive_speeds(table.q, table.v, table.drive), -1, 0)),
-        )
+        drives = [np.moveaxis(x, -1, 0) for x in (table.asked, robot.drive_speeds(table.q, table.v, table.drive))]
+        power = power_drawn(leg, p, *map(list, drives))
         voltage = leg.supply.voltage * share_at(sag(leg, p), power)
         lowest = min(lowest, float(voltage.min()))
         peak = max(peak, float((power / voltage).max()) * leg.supply.legs / leg.supply.count)
         energy += leg.supply.legs * over_time(table, power)
-    return SupplyFigures(lowest, peak, energy)
+        used += leg.supply.legs * over_time(table, power_used(leg, p, *map(list, drives)))
+    burnt = None if leg.supply.recuperation else energy - used
+    return SupplyFigures(lowest, peak, energy, burnt_J=burnt)
 
 
 def balance(robot: Robot, machine: Machine, phase: str, table: Table) -> Check:

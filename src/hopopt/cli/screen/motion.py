@@ -81,6 +81,8 @@ def drive_lines(s: Summary) -> list[str]:
     if (supply := s.supply) is None:
         return [words]
     sags = f"voltage down to {supply.lowest_voltage_V:.1f} V, up to {supply.peak_current_A:.0f} A, {supply.energy_J:.1f} J drawn"
+    if supply.burnt_J:
+        sags += f", {supply.burnt_J:.1f} J fed back and burnt"
     return [f"{words}; supply: {sags}"]
 
 
