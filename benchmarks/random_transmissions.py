@@ -1,14 +1,18 @@
 """How dependable an answer is on legs whose drives do not turn as their joints do: verified and certified.
 
-    python benchmarks/random_transmissions.py [LEGS] [STARTS] [SEED] [PROCESSES]
+    python benchmarks/random_transmissions.py [LEGS] [STARTS] [SEED] [PROCESSES] [FILE]
 
-Takes the random legs of random_legs.py (10 unless told) and gives the knee a law drawn at random, some legs a belt or a spring
-besides. Each is solved from STARTS starts (3). Every law has the gear's own ratio in the middle of the knee's range. Prints a line for each.
+Takes the random legs of random_legs.py (50 unless told) and gives the knee a law drawn at random, some legs a belt or a spring
+besides. Each is solved from STARTS starts (1) within LIMIT seconds. Every law has the gear's own ratio in the middle of the
+knee's range. Prints a line for each as it ends. FILE keeps the lines, and what it has is not solved again.
 """
 
+import json
 import sys
 import time
-from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +24,8 @@ from hopopt.errors import HopoptError, ProblemFileError, one_line
 
 KNEE = "leg.knee.transmission"
 STEEPEST = 0.4  # share by which a ratio changes from the middle of the knee's range to its ends
+LIMIT = 180.0  # s for a leg
+CERTIFIED = "certified"
 
 
 def law(entries: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
@@ -59,39 +65,74 @@ def transmission(entries: dict[str, Any], rng: np.random.Generator) -> dict[str,
         return found
 
 
-def solved(entries: dict[str, Any], starts: int) -> tuple[float, str, float, float]:
-    """Clearance [m], how it ended, by how much the hop in one piece is short of it [m], and processor time [s]."""
+@dataclass(frozen=True)
+class Outcome:
+    """How a leg (by its number) ended: clearance [m], "certified" or what is missing, by how much the hop in one piece is short
+    of the plan [m], and processor time [s]."""
+
+    leg: int
+    clearance: float
+    ended: str
+    short: float
+    seconds: float
+
+
+def solved(leg: int, entries: dict[str, Any], starts: int) -> Outcome:
+    """One leg's answer."""
     began = time.process_time()
     try:
-        s = ho.solve(ho.load("paper", entries), starts=starts, processes=1)
+        s = ho.solve(ho.load("paper", entries), starts=starts, processes=1, time_limit=LIMIT)
     except HopoptError as error:
-        return np.nan, one_line(error), np.nan, time.process_time() - began
-    words = "certified" if s.summary.certified else f"verified={s.verified}: {s.summary.failed_checks}"
+        return Outcome(leg, np.nan, one_line(error), np.nan, time.process_time() - began)
+    words = CERTIFIED if s.summary.certified else f"verified={s.verified}: {s.summary.failed_checks}"
     whole = s.summary.objective_error.simulated
     short = np.nan if whole is None or whole.clearance_m is None else s.clearance - whole.clearance_m
-    return s.clearance, words, short, time.process_time() - began
+    return Outcome(leg, s.clearance, words, short, time.process_time() - began)
+
+
+def kind(entries: dict[str, Any]) -> str:
+    """The law of a leg's knee and what it has besides, in words."""
+    laws = [name.rpartition(".")[2] for name in entries if name.startswith(f"{KNEE}.")]
+    words = [{"coupling": "belt"}.get(law, law) for law in laws]
+    return ", ".join([*words, *(["spring"] if "leg.spring.knee.stiffness" in entries else [])])
+
+
+def kept(file: Path | None, asked: dict[str, int]) -> dict[int, Outcome]:
+    """What a file has of an earlier run with these numbers of starts and seed."""
+    lines = map(json.loads, file.read_text().splitlines()) if file is not None and file.exists() else ()
+    found = [Outcome(**line["outcome"]) for line in lines if line["asked"] == asked]
+    return {outcome.leg: outcome for outcome in found}
+
+
+def outcomes(legs: list[dict[str, Any]], asked: dict[str, int], processes: int, file: Path | None) -> Iterator[Outcome]:
+    """Each leg's answer: those of the file first, then the others as they end."""
+    known = kept(file, asked)
+    yield from (outcome for leg, outcome in known.items() if leg < len(legs))
+    jobs = (delayed(solved)(k, entries, asked["starts"]) for k, entries in enumerate(legs) if k not in known)
+    for outcome in Parallel(n_jobs=processes, return_as="generator_unordered")(jobs):
+        if file is not None:
+            with file.open("a") as stream:
+                stream.write(json.dumps({"asked": asked, "outcome": asdict(outcome)}) + "\n")
+        yield outcome
 
 
 def main() -> int:
     """Solve, print; 1 if fewer than 94 per cent are verified and certified."""
-    count, starts, seed, processes = (int(x) for x in (sys.argv[1:] + ["10", "3", "0", "2"][len(sys.argv) - 1 :])[:4])
+    given = sys.argv[1:5]
+    count, starts, seed, processes = (int(x) for x in given + ["50", "1", "0", "2"][len(given) :])
+    file = Path(sys.argv[5]) if len(sys.argv) > 5 else None
     rng = np.random.default_rng(seed)
     legs = [transmission(entries, rng) for entries in feasible_legs(count, seed)]
-    jobs = (delayed(solved)(entries, starts) for entries in legs)
-    results: Any = Parallel(n_jobs=processes, return_as="generator")(jobs)
-    ended = Counter[bool]()
-    for k, (entries, (height, words, short, seconds)) in enumerate(zip(legs, results, strict=True)):
-        kind = next(name.rpartition(".")[2] for name in entries if name.startswith(f"{KNEE}."))
-        more = [name for name in (f"{KNEE}.coupling", "leg.spring.knee.stiffness") if name in entries]
-        extra = "".join(f", {'belt' if 'coupling' in name else 'spring'}" for name in more)
-        print(
-            f"{k:3d} {height:.4f} m {words} ({kind}{extra}), in one piece {short:+.1e} m, {seconds:.0f} s", flush=True
-        )
-        ended[words == "certified"] += 1
-        if words != "certified":
-            print(f"    {entries}", flush=True)
-    print(f"{ended[True]} of {count} verified and certified (seed {seed}, {starts} starts)")
-    return 0 if ended[True] >= 0.94 * count else 1
+    good, seconds = 0, 0.0
+    for k, found in enumerate(outcomes(legs, {"starts": starts, "seed": seed}, processes, file), start=1):
+        good, seconds = good + (found.ended == CERTIFIED), seconds + found.seconds
+        short = f"in one piece {found.short:+.1e} m"
+        said = f"{found.leg:3d} {found.clearance:.4f} m {found.ended} ({kind(legs[found.leg])}), {short}"
+        print(f"{said}, {found.seconds:.0f} s; {good} of {k}", flush=True)
+        if found.ended != CERTIFIED:
+            print(f"    {legs[found.leg]}", flush=True)
+    print(f"{good} of {count} verified and certified (seed {seed}, {starts} starts), {seconds / count:.0f} s a leg")
+    return 0 if good >= 0.94 * count else 1
 
 
 if __name__ == "__main__":
