@@ -109,7 +109,8 @@ def outcomes(legs: list[dict[str, Any]], asked: dict[str, int], processes: int, 
     known = kept(file, asked)
     yield from (outcome for leg, outcome in known.items() if leg < len(legs))
     jobs = (delayed(solved)(k, entries, asked["starts"]) for k, entries in enumerate(legs) if k not in known)
-    for outcome in Parallel(n_jobs=processes, return_as="generator_unordered")(jobs):
+    ended: Any = Parallel(n_jobs=processes, return_as="generator_unordered")(jobs)
+    for outcome in ended:
         if file is not None:
             with file.open("a") as stream:
                 stream.write(json.dumps({"asked": asked, "outcome": asdict(outcome)}) + "\n")

@@ -456,6 +456,40 @@ def test_a_linkage_is_looked_at_between_its_bounds_too() -> None:
     codesign.checked(design, {entry: (0.2, 0.28)})
 
 
+def test_free_points_of_a_table_of_ratios_still_fall() -> None:
+    """Each two neighbours of which one is free; bounds that leave no order, and a level table, which tells none, are refused."""
+    path = "leg.knee.transmission.table.ratio"
+
+    def couplings(*ratio: float, free: tuple[float, float]) -> list[str]:
+        table = {"angle": np.linspace(-2.4, -0.2, len(ratio)).tolist(), "ratio": list(ratio)}
+        design = ho.load("paper", {"leg.knee.transmission.table": table})
+        return [c.equation() for c in codesign.checked(design, {f"{path}[1]": free}).couplings]
+
+    falls = [f"{path}[2] - {path}[3] >= 0", f"{path}[1] - {path}[2] >= 0", f"{path}[0] - {path}[1] >= 0"]
+    assert couplings(1.2, 1.1, 1.0, 0.9, free=(0.5, 1.5)) == falls[1:]
+    with pytest.raises(UsageError, match=r"ratio\[1\] >= 0: no values within the bounds of --free meet it"):
+        couplings(1.2, 1.1, 1.0, free=(1.3, 1.5))
+    with pytest.raises(UsageError, match=rf"--free {re.escape(path)}\[1\]: {path} is level"):
+        couplings(1.0, 1.0, 1.0, free=(0.5, 1.5))
+
+
+@pytest.mark.slow
+def test_free_points_of_a_table_beat_a_ratio_that_is_one_for_all_angles(tmp_path: Path) -> None:
+    """Against the best fixed ratio; the leg that comes out is written, read and verified as any other."""
+    table = {"angle": [-2.4, -1.3, -0.15], "ratio": [0.5, 0.35, 0.2]}
+    design = ho.load("paper", {"leg.knee.transmission.table": table})
+    free = {f"leg.knee.transmission.table.ratio[{k}]": (0.02, 2.5) for k in range(3)}
+    s = ho.solve(design, free=free, starts=1, processes=1)
+    assert s.verified, s.summary.failed_checks
+    found = s.design.leg.joint["knee"].transmission
+    assert found is not None
+    assert found.table is not None
+    assert (np.diff(found.table.ratio) <= 0).all()
+    fixed = ho.solve(ho.load("paper"), free={"leg.knee.gear.ratio": (15, 250)}, starts=1, processes=1)
+    assert s.clearance > fixed.clearance
+    assert recheck(save(s, tmp_path)).verified
+
+
 @pytest.mark.parametrize(
     ("free", "couple", "words"),
     [

@@ -64,11 +64,18 @@ def named(meaning: str, default: Any, kind: str, *built_in: str) -> Any:
 
 
 def choice(
-    meaning: str, default: Any = ..., *, unit: str = "", allowed: str = "", listed: bool = True, **bounds: Any
+    meaning: str,
+    default: Any = ...,
+    *,
+    unit: str = "",
+    allowed: str = "",
+    physical: bool = False,
+    listed: bool = True,
+    **bounds: Any,
 ) -> Any:
-    """Declare an entry that is not a single physical number: the unit of a list, what is ``allowed`` in words; ``listed`` as of a
-    quantity."""
-    extra = {"unit": unit, "physical": False, "allowed": allowed, "listed": listed}
+    """Declare an entry that is not a single physical number: the unit of a list, what is ``allowed`` in words; ``physical`` makes
+    each number of a list a design parameter; ``listed`` as of a quantity."""
+    extra = {"unit": unit, "physical": physical, "allowed": allowed, "listed": listed}
     return Field(default, description=meaning, json_schema_extra=extra, **bounds)
 
 

@@ -223,7 +223,8 @@ def unit(vector: Sequence[float]) -> tuple[float, ...]:
 
 
 def physical_parameters(leg: Leg) -> dict[str, float]:
-    """Every design parameter of the leg that has a value: {"leg.thigh.length": 0.38 [m], ...} (SI)."""
+    """Every design parameter of the leg that has a value: {"leg.thigh.length": 0.38 [m], ...} (SI); of a list each number by its
+    place, as in "leg.knee.transmission.table.ratio[1]"."""
     return dict(_physical("leg", leg))
 
 
@@ -236,4 +237,7 @@ def _physical(path: str, section: BaseModel) -> Iterator[tuple[str, float]]:
             for key, item in value.items():  # tables of joints and links sit in [leg] itself
                 yield from _physical(f"{path}.{key}" if name in ("joint", "link") else f"{path}.{name}.{key}", item)
         elif value is not None and isinstance(extra, dict) and extra.get("physical"):
-            yield f"{path}.{name}", float(value)
+            if isinstance(value, tuple):
+                yield from ((f"{path}.{name}[{k}]", float(x)) for k, x in enumerate(value))
+            else:
+                yield f"{path}.{name}", float(value)

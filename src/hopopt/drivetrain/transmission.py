@@ -10,14 +10,14 @@ Where every drive turns as its joint does, J is the unit matrix. A law is a func
 derives from it is found by CasADi. Laws of linkages: plane geometry by the law of cosines, as in Norton, Design of Machinery.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from hopopt.design import Leg
 from hopopt.design.drives.transmission import Transmission
@@ -51,16 +51,33 @@ def four_bar(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
 def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
     """The integral of a monotone cubic spline through the ratios, which is level before and behind its points and has no corner."""
     assert table.table is not None
-    knots, values = np.array(table.table.angle), np.array(table.table.ratio)
-    slopes = PchipInterpolator(knots, values).derivative()(knots)
-    slopes[[0, -1]] = 0.0  # a ratio with a corner would ask for a torque that jumps
-    whole = CubicHermiteSpline(knots, values, slopes).antiderivative()
-    theta = values[0] * (q - knots[0])
-    for start, piece in zip(knots[:-1], whole.c.T.tolist(), strict=True):
-        # by falling powers of the angle from its knot
-        part = sum(c * (q - start) ** n for n, c in zip((4, 3, 2, 1, 0), piece, strict=True))
-        theta = ca.if_else(q >= start, part, theta)
-    return ca.if_else(q >= knots[-1], float(whole(knots[-1])) + values[-1] * (q - knots[-1]), theta)
+    knots = table.table.angle
+    values = [ca.SX(entry(f"ratio[{k}]")) for k in range(len(knots))]
+    widths, slopes = np.diff(knots), spline_slopes(knots, values)
+    theta, turned = values[0] * (q - knots[0]), 0.0  # up to the first point; the drive's angle at a piece's beginning
+    for k, h in enumerate(widths.tolist()):
+        (y, m), (y_end, m_end), s = (values[k], slopes[k]), (values[k + 1], slopes[k + 1]), q - knots[k]
+        rise = (y_end - y) / h
+        bend, twist = (3 * rise - 2 * m - m_end) / h, (m + m_end - 2 * rise) / h**2
+
+        def part(s: Any, y: Any = y, m: Any = m, bend: Any = bend, twist: Any = twist) -> Any:
+            return s * (y + s * (m / 2 + s * (bend / 3 + s * twist / 4)))
+
+        theta = ca.if_else(q >= knots[k], turned + part(s), theta)
+        turned += part(h)
+    return ca.if_else(q >= knots[-1], turned + values[-1] * (q - knots[-1]), theta)
+
+
+def spline_slopes(knots: Sequence[float], values: Sequence[Any]) -> list[Any]:
+    """Slopes at its points of a cubic spline that rises and falls only as its points do, 0 at both ends, so that a ratio that is
+    level beyond them has no corner; values: symbols or constants among them (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984)."""
+    h = np.diff(knots).tolist()
+    rises = [(b - a) / width for (a, b), width in zip(pairwise(values), h, strict=True)]
+    inner = []
+    for (before, behind), (d, e) in zip(pairwise(h), pairwise(rises), strict=True):
+        near, far = before + 2 * behind, 2 * before + behind
+        inner.append(ca.if_else(d * e > 0, (near + far) * d * e / (near * e + far * d), 0.0))
+    return [0.0, *inner, 0.0]
 
 
 SAMPLES = 201  # of a joint's range, where ratios are looked at

@@ -3,11 +3,13 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hopopt.design import Leg
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.ocp.guesses.motion import MovingLeg
@@ -15,7 +17,7 @@ from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Numbers, Parameter
 
 DECIMAL_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 TERM = re.compile(
-    rf"\s*([+-]?)\s*(?:({DECIMAL_NUMBER})\s*(?:\*\s*)?)?(?:([A-Za-z][\w.-]*[\w])(?:\s*\^\s*(-?{DECIMAL_NUMBER}))?)?\s*"
+    rf"\s*([+-]?)\s*(?:({DECIMAL_NUMBER})\s*(?:\*\s*)?)?(?:([A-Za-z][\w.-]*[\w](?:\[\d+\])?)(?:\s*\^\s*(-?{DECIMAL_NUMBER}))?)?\s*"
 )
 LARGEST, STEEPEST = 1e12, 8.0  # factors and constants, and powers, of couplings: what they give stays finite
 HOW_TO_FREE = (
@@ -132,7 +134,9 @@ def parse_free(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """{"leg.gear.ratio": (50.0, 200.0)} from "leg.gear.ratio=50:200"; UsageError in a sentence if it is not that."""
     bounds: dict[str, tuple[float, float]] = {}
     for text in texts:
-        found = re.fullmatch(rf"\s*([\w.-]+)\s*=\s*(-?{DECIMAL_NUMBER})\s*:\s*(-?{DECIMAL_NUMBER})\s*", text)
+        found = re.fullmatch(
+            rf"\s*([\w.-]+(?:\[\d+\])?)\s*=\s*(-?{DECIMAL_NUMBER})\s*:\s*(-?{DECIMAL_NUMBER})\s*", text
+        )
         if not found or not float(found[2]) < float(found[3]):
             raise UsageError(f"--free {text}: write lower:upper, the lower first, such as leg.gear.ratio=50:200")
         if found[1] in bounds:
@@ -181,3 +185,19 @@ def _add(text: str, side: str, sign: float, found: dict[tuple[str, float], float
             constant += value
         at, first = term.end(), False
     return constant
+
+
+def monotone(leg: Leg, bounds: Mapping[str, Any]) -> Iterator[Coupling]:
+    """That a table of ratios of which some are free still falls or rises as it does: for each two neighbours of which one is free.
+    UsageError for a level table, which tells neither."""
+    for joint in leg.joints:
+        between, path = leg.joint[joint].transmission, f"leg.{joint}.transmission.table.ratio"
+        if between is None or between.table is None:
+            continue
+        (first, *_, last), entries = between.table.ratio, [f"{path}[{k}]" for k in range(len(between.table.ratio))]
+        if (free := [entry for entry in entries if entry in bounds]) and first == last:
+            level = f"{path} is level, so that nothing tells whether it is to fall or to rise"
+            raise UsageError(f"--free {free[0]}: {level}: let it begin with a little of either")
+        for less, more in pairwise(entries if last > first else entries[::-1]):
+            if {less, more} & bounds.keys():
+                yield Coupling(f"{more} - {less} >= 0", {more: 1.0, less: -1.0}, 0.0, INF)

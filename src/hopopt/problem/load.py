@@ -19,12 +19,13 @@ from hopopt.problem.checking.faults import OVERRIDE, Report
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.named_parts import gives, named, with_numbers
 from hopopt.problem.reading import MAX_DEPTH, beside, read_tables, too_deep
-from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path
+from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path, values_of
 from hopopt.problem.urdf.leg import ENTRIES, located, with_leg
 
 __all__ = ["Row", "as_json", "builtin_names", "design_hash", "load", "resolved_toml", "rows", "template"]
 
 BARE_NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}")  # no separators, no drive letters, no leading dot
+ONE_OF_LIST = re.compile(r"(.+)\[(\d{1,3})\]", re.ASCII)
 EXCLUSIVE = (("hip_height", "joint_angles"), ("joint_angles", "hip_height"))  # the later layer's start counts
 
 
@@ -88,8 +89,21 @@ def changed(design: Design, entries: Mapping[str, Any], own: Mapping[str, Entry]
     ones. ProblemFileError with one sentence for each fault."""
     report = Report(design.name, design.name)
     data = design.model_dump(exclude_none=True)
-    _lay_overrides(data, entries, own or {}, report)
+    _lay_overrides(data, _whole_lists(design, entries), own or {}, report)
     return _checked(data, report, without_modules=bool(absent(design.needs or ())))
+
+
+def _whole_lists(design: Design, entries: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries with whole lists in place of single values of them, such as hop.stance_duration[1]."""
+    found = dict[str, Any]()
+    for entry, value in entries.items():
+        one = ONE_OF_LIST.fullmatch(entry)
+        listed = found.get(one[1], values_of(design).get(one[1])) if one else None
+        if one and isinstance(listed, (tuple, list)) and int(one[2]) < len(listed):
+            found[one[1]] = [value if k == int(one[2]) else x for k, x in enumerate(listed)]
+        else:
+            found[entry] = value
+    return found
 
 
 def _checked(data: dict[str, Any], report: Report, without_modules: bool = False) -> Design:

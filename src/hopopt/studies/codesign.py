@@ -22,7 +22,7 @@ from hopopt.leg.geometry.solids import has_shape
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.custom import custom
-from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling
+from hopopt.ocp.free_parameters import Coupling, FreeParameters, monotone, parse_coupling
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.registry import given
 from hopopt.optimality.directions.parametric_sensitivity import slopes
@@ -49,7 +49,7 @@ from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.load import as_design, changed
 from hopopt.problem.own import named_apart
-from hopopt.problem.render import rows
+from hopopt.problem.render import unit_at
 from hopopt.record import computed
 from hopopt.storage.seal.recheck import CONFIRMED, co_design_checks
 from hopopt.studies.codesign_kinks import between
@@ -197,8 +197,7 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution, until: Deadline) -
 def _parameters(hop: Hop, best: NlpSolution, until: Deadline) -> list[FreeEntry]:
     """For each free entry: value before and now, bounds, whether it is at one and what moving that would gain."""
     t, by = best.transcription, slopes(best)
-    entries = {row.path: row for row in rows(hop.design)}
-    values, found = optimal(hop.free_parameters, best), []
+    known, values, found = variable_numbers(hop.design), optimal(hop.free_parameters, best), []
     for k, p in enumerate(t.free):
         if p.name not in values:
             continue
@@ -209,8 +208,8 @@ def _parameters(hop: Hop, best: NlpSolution, until: Deadline) -> list[FreeEntry]
         found.append(
             FreeEntry(
                 p.name,
-                entries[p.name].unit,
-                float(entries[p.name].value),
+                unit_at(hop.design, p.name),
+                known[p.name],
                 low,
                 high,
                 optimal=values[p.name],
@@ -265,9 +264,10 @@ def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Seq
     own_mass = [next(iter(c.factors)) for c in couplings if asks_catalogue(c.text)]
     if repeated := next((mass for k, mass in enumerate(own_mass) if mass in own_mass[:k]), None):
         raise UsageError(f'--couple: two laws of the catalogue say {repeated}: name their torques in one, with "and"')
-    for c in couplings:
+    whole = (*couplings, *monotone(design.leg, free))
+    for c in whole:
         meets(c, free, known)
-    return FreeParameters(dict(free), couplings)
+    return FreeParameters(dict(free), whole)
 
 
 def _looked_at(leg: Leg, entry: str, low: float, high: float) -> list[float]:

@@ -82,7 +82,7 @@ class RatioTable(Section):
 
     angle: tuple[Angle, ...] = choice("of the joint, rising", unit="rad", min_length=2, max_length=MOST_RATIOS)
     ratio: tuple[Ratio, ...] = choice(
-        "at these angles, over gear.ratio", unit="1", min_length=2, max_length=MOST_RATIOS
+        "at these angles, over gear.ratio", unit="1", physical=True, min_length=2, max_length=MOST_RATIOS
     )
 
     def fault(self) -> str:

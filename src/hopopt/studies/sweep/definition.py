@@ -109,15 +109,10 @@ class Definition:
 
     def design_with(self, values: Mapping[str, float]) -> Design:
         """The problem with other values of some entries; ProblemFileError if there is none."""
-        entries: dict[str, Any] = {}
-        for entry, x in self.stated(values).items():
-            path, index = place(entry)
-            if index is None:
-                entries[path] = round(x) if not isinstance(x, str) and whole_number(self.design, path) else x
-            else:
-                listed = list(entries.get(path, values_of(self.design)[path]))
-                listed[index] = x
-                entries[path] = listed
+        entries = {
+            entry: round(x) if not isinstance(x, str) and whole_number(self.design, entry) else x
+            for entry, x in self.stated(values).items()
+        }
         return changed(self.design, entries, self.own)
 
     @cached_property
