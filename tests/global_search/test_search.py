@@ -1,6 +1,7 @@
 """The global search: what it finds, that its rollouts are motions of the leg, and where it does not apply."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,12 @@ from hopopt.design import Design
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.evidence.dynamic_programming import by_dynamic_programming, reduced
-from hopopt.global_search import GlobalSearch, Rollout, applies, search
+from hopopt.global_search import GlobalSearch, Rollout, applies, left_out, search
 from hopopt.global_search.constants import stance_constants, to_link_angles
 from hopopt.global_search.equations.flight import flight_of, fold_loss
 from hopopt.global_search.equations.four_states import fastest_joints
 from hopopt.global_search.posture import tuck_height
+from hopopt.leg.geometry.distance import distances_of
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.sim.machine import Machine
@@ -159,6 +161,23 @@ def test_slider_agrees_with_the_reduced_hop() -> None:
     assert search(design, 13).value + tuck == pytest.approx(by_dynamic_programming(design, 78), rel=2e-3)
 
 
+def test_motions_meet_nothing_and_keep_the_trunk_above_the_ground(tmp_path: Path) -> None:
+    """A bar behind the hip, which the folded shank would pass, and below it a plate: coal's distances of all states."""
+    (tmp_path / "bar.toml").write_text(
+        'extends = "paper"\nname = "bar"\n[leg.body.shapes.bar]\npoints = [[-0.15, 0.0, -0.15]]\nradius = 0.05\n'
+        "[leg.body.shapes.plate]\nbox = [0.02, 0.02, 0.02]\nat = [-0.15, 0.0, -0.245]\n[leg.shank]\nradius = 0.02\n"
+        "[hop]\nleast_height = 0.02\n"
+    )
+    design = load(tmp_path / "bar.toml")
+    result, solids, machine = search(design, SIZE), distances_of(design), Machine(build_robot(design.leg))
+    assert result.rollouts
+    for r in result.rollouts:
+        assert float(solids.all(r.q).min()) > 0
+        lowest = [machine.points(machine.stance_terms(q, v).q)["trunk"][1] for q, v in zip(r.q, r.v, strict=True)]
+        assert min(lowest) > 0.02 - HEIGHT
+    assert left_out(design) is None
+
+
 @pytest.mark.parametrize(
     ("name", "changes", "reason"),
     [
@@ -168,7 +187,12 @@ def test_slider_agrees_with_the_reduced_hop() -> None:
         ("paper", {"knee": {"lower": -2, "upper": 0, "axis": (1, 0, 0)}}, "leaves the x-z plane"),
         ("paper", {"shank": {"length": 0.3, "mass": 1.0, "direction": (0, 1, 0)}}, "points across"),
         ("paper", {"guides": ("x",)}, "no guide"),
-        ("paper", {"body": {"mass": 5.6, "shapes": {"trunk": {"box": (0.2, 0.2, 0.2)}}}}, "what shape"),
+        ("paper", {"body": {"mass": 5.6, "shapes": {"trunk": {"box": (0.2, 0.2, 0.2)}}}}, None),
+        (
+            "paper",
+            {"guides": ("z",), "body": {"mass": 5.6, "shapes": {"trunk": {"box": (0.2, 0.2, 0.2)}}}},
+            "what shape",
+        ),
     ],
 )
 def test_where_it_applies(name: str, changes: dict[str, Any], reason: str | None) -> None:

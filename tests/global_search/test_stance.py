@@ -1,5 +1,7 @@
 """The stance in closed form against Pinocchio, on random legs and states."""
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,13 +10,17 @@ from hopopt import load
 from hopopt.compiled.kernel import packed
 from hopopt.design import Design
 from hopopt.drivetrain.operating_region.region import operating_region
-from hopopt.global_search.constants import stance_constants, to_joint_angles, to_link_angles
+from hopopt.global_search.constants import room_at, stance_constants, to_joint_angles, to_link_angles
 from hopopt.global_search.equations.accelerations import VERTICES, polygon
-from hopopt.global_search.equations.dynamics import apex_height, stance_terms
+from hopopt.global_search.equations.dynamics import MARGINS, apex_height, stance_terms, state_margins
 from hopopt.global_search.equations.flight import _accelerations, flight_of, fold_loss
-from hopopt.global_search.posture import tuck_height
+from hopopt.global_search.posture import best_tuck, tuck_height
+from hopopt.leg.geometry.distance import distances_of
+from hopopt.leg.geometry.smooth import clearances, margin_of
 from hopopt.leg.kinematics import joint_positions, start_angles
 from hopopt.leg.robot import BASE, build_robot
+from hopopt.ocp.guesses.posture import Posture
+from hopopt.ocp.hop import Hop
 from hopopt.sim.machine import Machine
 
 
@@ -140,3 +146,42 @@ def test_quick_drives_lose_nothing_in_flight_and_slow_ones_do() -> None:
     assert lost[0] == 0
     assert sorted(lost) == lost
     assert lost[-1] > 0.1
+
+
+def shaped(tmp_path: Path, more: str) -> Design:
+    """The paper's leg with shapes."""
+    (tmp_path / "shaped.toml").write_text(f'extends = "paper"\nname = "shaped"\n{more}')
+    return load(tmp_path / "shaped.toml")
+
+
+BALL = "[leg.body.shapes.bar]\npoints = [[-0.15, 0.0, -0.15]]\nradius = 0.05\n[leg.shank]\nradius = 0.02\n"
+
+
+def test_a_tuck_has_trunk_and_thigh_above_the_lowest_point_and_meets_nothing(tmp_path: Path) -> None:
+    """The planner's posture, by other code; the least distance in it by coal, which neither asks there."""
+    for deep in (0.1, 0.2):
+        ball = f"[leg.body.shapes.ball]\npoints = [[0.1, 0.0, -0.15]]\nradius = 0.03\ncounts = false\n[leg.thigh]\nradius = {deep / 4}\n"
+        lower = f"[leg.body.shapes.plate]\nbox = [0.02, 0.02, 0.02]\nat = [-0.3, 0.0, {0.01 - deep}]\n"
+        design = shaped(tmp_path, ball + lower)
+        tuck, pose = best_tuck(stance_constants(design), design.hop.foot_window)
+        planned = Posture(Hop(design))
+        assert tuck == pytest.approx(-float(planned.height(planned.best()[None])[0]), abs=1e-4)
+        assert distances_of(design).all(pose[None]).min() > margin_of(design) - 1e-3
+
+
+def test_what_links_pass_is_a_limit_of_states(tmp_path: Path) -> None:
+    """The room of the compiled table against coal, and the hip as much higher as the body hangs lower."""
+    design, rng = shaped(tmp_path, BALL), np.random.default_rng(4)
+    c, out, solids = stance_constants(design), np.zeros(MARGINS), distances_of(design)
+    assert c.hip_least == pytest.approx(0.2 + design.hop.least_height)
+    planned, kept_apart = clearances(design), margin_of(design)
+    assert planned is not None
+    near = 0
+    for q in rng.uniform([c.lower1, c.lower2], [c.upper1, c.upper2], (2000, 2)):
+        state_margins(packed(c), *to_link_angles(c, q), 0.0, 0.0, out)
+        distance = float(solids.all(q[None]).min())
+        assert out[-1] == pytest.approx(float(room_at(c, q[None])[0]), abs=1e-9)
+        if abs(distance - kept_apart) < 0.01:
+            near += 1
+            assert out[-1] == pytest.approx(distance - kept_apart - planned.error, abs=3e-3)
+    assert near > 20

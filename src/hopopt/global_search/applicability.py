@@ -1,7 +1,9 @@
 """For which problems the global search is made."""
 
 from hopopt.design import Design
+from hopopt.design.fields import TRUNK
 from hopopt.drivetrain.heat import LIMIT
+from hopopt.leg.geometry.above import height_rows
 from hopopt.leg.geometry.solids import has_shape
 from hopopt.leg.kinematics import planar, two_joints
 
@@ -12,6 +14,8 @@ def left_out(design: Design) -> str | None:
     """What of a problem the global search leaves out, in a clause, so that its motions may do more than the leg; else None."""
     clauses = [] if design.leg.supply is None else ["that the supply sags or has caps"]
     clauses += [] if "x" in design.leg.guides else ["how long the leg takes to fold on a vertical slider"]
+    thick = {point for _, point, _ in height_rows(design)} - {*design.leg.pivots, TRUNK, "foot"}
+    clauses += ["how thick links are that come near the ground"] if has_shape(design.leg) and thick else []
     return " and ".join(clauses) or None
 
 
@@ -30,8 +34,8 @@ def applies(design: Design) -> str | None:
         return "the ground slopes"
     if "z" not in leg.guides:
         return "no guide lets the body rise"
-    if has_shape(leg):
-        return "it does not know what shape body and links have"
+    if has_shape(leg) and "x" not in leg.guides:
+        return "on a vertical slider it does not know what shape body and links have"
     if not leg.direct or leg.elastic:
         return "it knows no drives that turn otherwise than their joints"
     if any(leg.drive(joint, "motor", entry)[1] is not None for joint in leg.joints for entry in UNKNOWN):

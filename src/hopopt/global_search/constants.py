@@ -9,12 +9,16 @@ stands at -e2 exp(i phi2) and the hip at -e2 exp(i phi2) - e1 exp(i phi1).
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 
 from hopopt.design import Design
+from hopopt.design.fields import TRUNK
 from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
-from hopopt.leg.geometry.above import above_ground
+from hopopt.leg.geometry.above import height_rows
+from hopopt.leg.geometry.smooth import clearances, least
+from hopopt.leg.geometry.solids import BODY, counted_points
 from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.leg.robot import BASE, build_robot
 
@@ -22,6 +26,7 @@ UNLIMITED = 1e9  # friction coefficient of ground on which the foot never slips
 TORQUE_LINES = 4  # that bound a torque on one side: two of a torque-speed law, two caps
 NO_LINE = 1e9  # N m, rad/s: where nothing bounds it
 DEEP = -1e3  # m: least height of a joint that may pass through the ground
+ROOM_ANGLES = 121  # of each joint, at which it is known how far links are from what they pass
 
 
 class StanceConstants(NamedTuple):
@@ -43,6 +48,9 @@ class StanceConstants(NamedTuple):
     least_force: vertical ground force at least [N]
     lower1, upper1, lower2, upper2: joint limits [rad]
     knee_least, hip_least: heights at least [m]
+    trunk: lowest point of the body's shapes over the hip [m], 0 without any
+    corners: of the thigh's shapes, x and z from the hip at zero angles (k, 2) [m]
+    room: by how much links keep their distances, on ROOM_ANGLES of each joint over its limits [m]; empty where nothing is met
     descent: whether the body may descend
     springs, spring_...: as ``Springs.numbers`` has them
     """
@@ -80,6 +88,9 @@ class StanceConstants(NamedTuple):
     upper2: float
     knee_least: float
     hip_least: float
+    trunk: float
+    corners: np.ndarray
+    room: np.ndarray
     descent: bool
     springs: int
     spring_level: np.ndarray
@@ -106,8 +117,10 @@ def stance_constants(design: Design) -> StanceConstants:
     drives = [_drive(operating_region(design.leg, name, robot.parameters)) for name in design.leg.joints]
     laws = (Gear.of(design.leg, name, robot.parameters).level.entries for name in design.leg.joints)
     gears = [np.array([*law, rotor], dtype=float) for law, rotor in zip(laws, rotors, strict=True)]
-    above = above_ground(design)
-    hip_least, knee_least = (design.hop.least_height if name in above else DEEP for name in design.leg.joints)
+    trunk, corners = _counted(design)
+    rows = {point: height for _, point, height in height_rows(design)}
+    hip_least, knee_least = (rows.get(name, DEEP) for name in design.leg.joints)
+    hip_least = max(hip_least, rows[TRUNK] - trunk) if TRUNK in rows else hip_least
     friction = design.contact.friction
     return StanceConstants(
         float(masses @ np.abs(by_first) ** 2) + spin1 + rotors[0] + rotors[1],
@@ -119,8 +132,41 @@ def stance_constants(design: Design) -> StanceConstants:
         *drives[0], *drives[1], gears[0], gears[1],
         UNLIMITED if friction is None else float(friction), float(design.contact.least_force),
         joints[0].lower, joints[0].upper, joints[1].lower, joints[1].upper, knee_least, hip_least,
-        bool(design.hop.counter_movement), **robot.springs.numbers(2),
+        trunk, corners, _room(design), bool(design.hop.counter_movement), **robot.springs.numbers(2),
     )  # fmt: skip
+
+
+def _counted(design: Design) -> tuple[float, np.ndarray]:
+    """``trunk`` and ``corners`` as in ``StanceConstants``."""
+    found = counted_points(design.leg)
+    trunk = [place[2] for _, joint, place in found if joint == BODY]
+    corners = [(place[0], place[2]) for _, joint, place in found if joint == 0]
+    return float(trunk[0]) if trunk else 0.0, np.array(corners, dtype=float).reshape(-1, 2)
+
+
+def _room(design: Design) -> np.ndarray:
+    """``room`` as in ``StanceConstants``: what the planner's smooth distances (leg/geometry/smooth.py) leave beyond what it keeps."""
+    found = clearances(design)
+    if found is None or not found.links:
+        return np.zeros((0, 0))
+    poses = np.stack(np.meshgrid(*_room_angles(design), indexing="ij"), axis=-1).reshape(-1, 2)
+    kept = zip(found.links, least(design, found), strict=True)
+    left = [np.array(link.function(poses[:, link.angles].T)).ravel() - most for link, most in kept]
+    return np.min(left, axis=0).reshape(ROOM_ANGLES, ROOM_ANGLES)
+
+
+def _room_angles(design: Design) -> list[np.ndarray]:
+    joints = [design.leg.joint[name] for name in design.leg.joints]
+    return [np.linspace(joint.lower, joint.upper, ROOM_ANGLES) for joint in joints]
+
+
+def room_at(c: StanceConstants, q: np.ndarray) -> np.ndarray:
+    """``room`` at joint angles q (..., 2) [rad]; 0 where nothing is met [m]."""
+    if not c.room.size:
+        return np.zeros(q.shape[:-1])
+    low, high = np.array([c.lower1, c.lower2]), np.array([c.upper1, c.upper2])
+    axes = tuple(np.linspace(low, high, ROOM_ANGLES).T)
+    return RegularGridInterpolator(axes, c.room)(np.clip(q, low, high))
 
 
 def _drive(region: OperatingRegion) -> tuple[np.ndarray, np.ndarray, float]:

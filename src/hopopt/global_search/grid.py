@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.global_search.constants import StanceConstants, to_link_angles
+from hopopt.global_search.constants import StanceConstants, room_at, to_link_angles
 
 MANY = 25  # nodes of a rate from which the outer cells are narrow enough to be widened in favour of those about zero
 BEND, BEND_OF_MANY = (
@@ -73,7 +73,8 @@ def ranges(c: StanceConstants, fastest: np.ndarray) -> tuple[np.ndarray, np.ndar
     joints = np.meshgrid(c.lower1 + share * (c.upper1 - c.lower1), c.lower2 + share * (c.upper2 - c.lower2))
     phi = to_link_angles(c, np.stack(joints, axis=-1))
     knee, hip = joint_heights(c, phi[..., 0], phi[..., 1])
-    allowed = phi[(knee >= c.knee_least) & (hip >= c.hip_least)]
+    free = room_at(c, np.stack(joints, axis=-1)) >= 0
+    allowed = phi[(knee >= c.knee_least) & (hip >= c.hip_least) & free]
     speeds = np.array([fastest[0], max(fastest)])
     return np.stack([allowed.min(axis=0), allowed.max(axis=0)], axis=1), np.stack([-speeds, speeds], axis=1)
 

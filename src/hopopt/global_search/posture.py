@@ -6,7 +6,7 @@ At the apex the clearance is the height of the centre of mass less this, so that
 import numpy as np
 from scipy.optimize import minimize
 
-from hopopt.global_search.constants import StanceConstants, to_link_angles
+from hopopt.global_search.constants import StanceConstants, room_at, to_link_angles
 
 POSES_OF_JOINT = 61  # of each joint, among which the tucked posture is looked for
 REFINED = 3  # of the best of them that are refined
@@ -14,7 +14,8 @@ WINDOW_PENALTY = 1e3  # height [m] that a pose is thought worse for each metre b
 
 
 def tuck_height(c: StanceConstants, window: float) -> float:
-    """Least height of the centre of mass above the lowest of joints and foot [m], within joint limits and foot window [m]."""
+    """Least height of the centre of mass above the leg's lowest point [m], within joint limits and foot window [m], where no link
+    is nearer to what it passes than it may."""
     return best_tuck(c, window)[0]
 
 
@@ -25,6 +26,7 @@ def best_tuck(c: StanceConstants, window: float) -> tuple[float, np.ndarray]:
     poses = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     heights, offset = _above_points(c, poses)
     score = heights.max(axis=-1) + WINDOW_PENALTY * np.maximum(np.abs(offset) - window, 0.0)
+    score += WINDOW_PENALTY * np.maximum(-room_at(c, poses), 0.0)
     best = poses[np.argsort(score, kind="stable")[:REFINED]]
     found = [(float(score.min()), best[0]), *(_refined(c, window, q) for q in best)]
     return min(found, key=lambda height_and_pose: height_and_pose[0])
@@ -35,7 +37,7 @@ def _refined(c: StanceConstants, window: float, pose: np.ndarray) -> tuple[float
 
     def room(x: np.ndarray) -> np.ndarray:
         heights, offset = _above_points(c, x[:2])
-        return np.concatenate([x[2] - heights, [window + offset, window - offset]])
+        return np.concatenate([x[2] - heights, [window + offset, window - offset], room_at(c, x[None, :2])])
 
     begin = np.append(pose, _above_points(c, pose)[0].max())
     bounds = [(c.lower1, c.upper1), (c.lower2, c.upper2), (None, None)]
@@ -47,7 +49,8 @@ def _refined(c: StanceConstants, window: float, pose: np.ndarray) -> tuple[float
 
 
 def _above_points(c: StanceConstants, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far the centre of mass is above foot, knee and hip (..., 3) [m], and the foot in front of the hip [m].
+    """How far the centre of mass is above foot, knee, hip, trunk and the thigh's corners (..., 4 + k) [m], and the foot in front
+    of the hip [m].
 
     q: joint angles (..., 2) [rad]
     """
@@ -56,4 +59,6 @@ def _above_points(c: StanceConstants, q: np.ndarray) -> tuple[np.ndarray, np.nda
     hip = knee - complex(c.thigh_x, c.thigh_z) * turned[..., 0]
     moment = complex(c.first, c.first_across) * turned[..., 0] + complex(c.second, c.second_across) * turned[..., 1]
     com = moment.imag / c.mass
-    return np.stack([com, com - knee.imag, com - hip.imag], axis=-1), -hip.real
+    corners = np.imag(turned[..., :1] * (c.corners[:, 0] + 1j * c.corners[:, 1]))
+    points = np.stack([com, com - knee.imag, com - hip.imag, com - hip.imag - c.trunk], axis=-1)
+    return np.concatenate([points, (com - hip.imag)[..., None] - corners], axis=-1), -hip.real

@@ -11,7 +11,7 @@ from hopopt.compiled.kernel import kernel
 from hopopt.drivetrain.kernels import add_spring_torques
 from hopopt.global_search.constants import TORQUE_LINES
 
-MARGINS = 7  # state limits: two of each joint, the heights of knee and hip, the body's descent
+MARGINS = 8  # state limits: two of each joint, the heights of knee and hip, the body's descent, what links pass
 RELATIVE = 1e-9  # by so much a speed may exceed the fastest
 TOUCHING = 1e-3  # N m: by so much the bounds of a torque may cross at the very end of a drive's region
 
@@ -54,8 +54,22 @@ def apex_height(c, phi1, phi2, r1, r2):
 
 
 @kernel
+def room(c, q1, q2):
+    """By how much links keep their distances at joint angles q1, q2 [rad], linear between those of the table; 0 without one [m]."""
+    n1, n2 = c.room.shape
+    if n1 == 0:
+        return 0.0
+    x = (q1 - c.lower1) / (c.upper1 - c.lower1) * (n1 - 1)
+    y = (q2 - c.lower2) / (c.upper2 - c.lower2) * (n2 - 1)
+    i, j = min(max(int(x), 0), n1 - 2), min(max(int(y), 0), n2 - 2)
+    s, t = x - i, y - j
+    low = (1 - t) * c.room[i, j] + t * c.room[i, j + 1]
+    return (1 - s) * low + s * ((1 - t) * c.room[i + 1, j] + t * c.room[i + 1, j + 1])
+
+
+@kernel
 def state_margins(c, phi1, phi2, r1, r2, out):
-    """How far a state is within its limits, (MARGINS,): joint angles [rad], heights of knee and hip [m], rise [m/s]."""
+    """How far a state is within its limits, (MARGINS,): joint angles [rad], heights of knee and hip [m], rise [m/s], room [m]."""
     q1, q2 = c.turn1 * phi1, c.turn2 * (phi2 - phi1)
     out[0], out[1], out[2], out[3] = q1 - c.lower1, c.upper1 - q1, q2 - c.lower2, c.upper2 - q2
     c1, s1, c2, s2 = np.cos(phi1), np.sin(phi1), np.cos(phi2), np.sin(phi2)
@@ -63,6 +77,7 @@ def state_margins(c, phi1, phi2, r1, r2, out):
     out[4], out[5], out[6] = knee - c.knee_least, knee - (c.thigh_x * s1 + c.thigh_z * c1) - c.hip_least, 0.0
     if not c.descent:
         out[6] = -(c.thigh_x * c1 - c.thigh_z * s1) * r1 - (c.shank_x * c2 - c.shank_z * s2) * r2
+    out[7] = room(c, q1, q2)
 
 
 @kernel

@@ -1,6 +1,7 @@
 """What flight makes of a lift-off: how far the clearance stays below the ballistic apex of a leg that is folded in no time.
 
-In flight both joints turn towards the best tucked pose with all that their drives give, and each stays where it arrives.
+In flight both joints turn towards the best tucked pose with all that their drives give, and each stays where it arrives. A leg
+that would meet the body on that way is as it was before.
 A hop can do at least nearly that; where the drives are quick it costs nothing, and where they are slow it decides.
 """
 
@@ -11,13 +12,14 @@ import numpy as np
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.drivetrain.kernels import passed_torque
 from hopopt.global_search.constants import StanceConstants
-from hopopt.global_search.equations.dynamics import apex_height, sprung, torque_range
+from hopopt.global_search.equations.dynamics import apex_height, room, sprung, torque_range
 from hopopt.global_search.grid import OFF_GRID_VALUE, Grid, interpolate
 from hopopt.global_search.posture import best_tuck
 
 FLIGHT_STEPS = 32  # of time in a flight
 LATER = 1.5  # times the time to the ballistic apex: a leg that folds slowly clears most after it
 ARRIVED = 1e-9  # rad from the tucked pose
+TOUCHED = 1e-4  # m: by so much links may come nearer on the way than they may, in a step
 
 
 class Flight(NamedTuple):
@@ -95,7 +97,7 @@ def _turned(q, w, a, dt, fastest, lower, upper, target, way):
 
 @kernel
 def _tucked(c, f, q1, q2):
-    """Centre of mass above the lowest of foot, knee and hip [m], and by what the foot is outside its window [m]."""
+    """Centre of mass above the leg's lowest point [m], and by what the foot is outside its window [m]."""
     phi1 = c.turn1 * q1
     phi2 = phi1 + c.turn2 * q2
     c1, s1, c2, s2 = np.cos(phi1), np.sin(phi1), np.cos(phi2), np.sin(phi2)
@@ -103,7 +105,10 @@ def _tucked(c, f, q1, q2):
     knee = -(c.shank_x * s2 + c.shank_z * c2)
     hip = knee - (c.thigh_x * s1 + c.thigh_z * c1)
     away = c.shank_x * c2 - c.shank_z * s2 + c.thigh_x * c1 - c.thigh_z * s1
-    return com - min(0.0, min(knee, hip)), max(abs(away) - f.window, 0.0)
+    lowest = min(0.0, min(knee, hip + min(0.0, c.trunk)))
+    for k in range(c.corners.shape[0]):
+        lowest = min(lowest, hip + c.corners[k, 0] * s1 + c.corners[k, 1] * c1)
+    return com - lowest, max(abs(away) - f.window, 0.0)
 
 
 @kernel
@@ -114,11 +119,16 @@ def fold_loss(c, f, phi1, phi2, r1, r2):
     height = apex_height(c, phi1, phi2, 0.0, 0.0)
     time = np.sqrt(2 * max(apex - height, 0.0) / c.gravity)
     least, dt = apex - f.tuck, LATER * time / FLIGHT_STEPS  # with the foot still on the ground
+    before = room(c, q1, q2)
     for k in range(1, FLIGHT_STEPS + 1):
         way1, way2 = np.sign(f.target1 - q1), np.sign(f.target2 - q2)
         a1, a2 = _accelerations(c, f, q1, q2, w1, w2, way1, way2)
         q1, w1 = _turned(q1, w1, a1, dt, f.fastest1, c.lower1, c.upper1, f.target1, way1)
         q2, w2 = _turned(q2, w2, a2, dt, f.fastest2, c.lower2, c.upper2, f.target2, way2)
+        left = room(c, q1, q2)
+        if left < min(before, 0.0) - TOUCHED:
+            break
+        before = left
         below, outside = _tucked(c, f, q1, q2)
         past = k * dt - time
         if q1 == f.target1 and q2 == f.target2 and past <= 0:
