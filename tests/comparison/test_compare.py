@@ -444,10 +444,12 @@ def test_strategies_that_do_not_suit_the_leg_are_refused_before_the_work(monkeyp
     assert run(["simulate", "three_joint", "--strategy", "track", "--set", sideways]) == 2
 
 
-def test_by_default_a_reader_gets_five_rows_and_all_on_request(solution):
-    """The optimum, the tracked one, force control plain and with a tuck, and the better of the two tuned ones."""
+def test_by_default_a_reader_gets_six_rows_and_all_on_request(solution):
+    """The optimum, the tracked one, force control plain and with a tuck, the counter-movement, and the better of the two tuned ones."""
     names, notes = chosen_names(load("paper"), None)
-    assert names == ["track", "force", "force_tuck", "force_tuned", "position_tuned"]
+    assert names == ["track", "force", "force_tuck", "counter_movement", "force_tuned", "position_tuned"]
+    for given in (None, ["all"]):
+        assert "counter_movement" not in chosen_names(load("paper_no_countermovement"), given)[0]
     assert not notes
     names, notes = chosen_names(load("paper"), ["all", "mine:Own"])
     assert set(names) == {*BUILT_IN, "mine:Own"}

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from hopopt.control.closed_loop import Run, make_controller, simulate
-from hopopt.control.counter_movement import CounterMovement, Movement
+from hopopt.control.counter_movement import LOADED, CounterMovement, Movement
 from hopopt.control.strategies import find
 from hopopt.errors import UsageError
 from hopopt.problem.load import load
+from hopopt.sim.controller import Measurement
 
 QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0, "simulation.speed_window": 1}
 GO2 = load("go2_leg", QUICK)
@@ -53,12 +54,40 @@ def test_another_depth_throws_it_less_high_or_takes_too_long() -> None:
 
 
 @pytest.mark.slow
-def test_a_light_quick_leg_is_braked_before_its_end_stops() -> None:
-    """At 4 kHz with encoders of 14 bits, whose speeds are late: its knee turns at 50 rad/s as the foot leaves."""
-    solo12 = load("solo12_leg")
+@pytest.mark.parametrize("friction", [None, 0.7])
+def test_a_light_quick_leg_is_braked_before_its_end_stops(friction: float | None) -> None:
+    """At 4 kHz with encoders of 14 bits, whose speeds are late: its knee turns at 50 rad/s as the foot leaves, which grips until then."""
+    solo12 = load("solo12_leg", {"contact.friction": friction} if friction else {})
     found, tuck = (simulate(solo12, find(name), past_apex=True).figures for name in ("counter_movement", "force_tuck"))
     assert found.limits_exceeded == []
     assert found.clearance > 1.2 * tuck.clearance
+
+
+def test_a_sinking_leg_keeps_its_foot_on_the_ground_and_within_its_grip() -> None:
+    """Whatever coarse speeds ask for: else it lets go of the ground after milliseconds, as a humanoid's leg did."""
+    found, random = fresh(), np.random.default_rng(0)
+    q = found.angles(found.lowest - 0.02)
+    held = 0
+    for asked in random.normal(0.0, 0.1 * float(found.drive.clamp(np.zeros(2), np.full(2, np.inf))[1]), (50, 2)):
+        v = random.normal(0.0, 0.3, 2)
+        s, now = found.machine.stance_terms(q, v), Measurement(0.01, q, v, True, 0.01, 0)
+        wanted = s.contact_force(found.drive.at(q).clamp(v, asked))
+        along, up = s.contact_force(found._held(s, now, asked))
+        assert up > 0.099 * found.weight
+        assert abs(along) < 1.001 * found.grip * up
+        kept = wanted[1] >= LOADED * found.weight and abs(wanted[0]) <= found.grip * wanted[1]
+        if kept:
+            np.testing.assert_allclose([along, up], wanted, rtol=1e-9)
+        held += not kept
+    assert 5 < held < 45
+
+
+def test_a_push_that_is_computed_once_ends_as_each_movement_says() -> None:
+    """The centre of mass is fastest where the ground carries the weight; the longer the way down, the less time is left."""
+    found = fresh()
+    rising = [found._thrown(Movement(0.05, 0.2, released)).rising for released in (0.0, 0.5, 1.0, 2.0)]
+    assert max(rising) == rising[2]
+    assert found._thrown(Movement(0.05, 0.36)).rising < 0.5 * rising[0]
 
 
 def test_a_movement_begins_and_ends_at_rest() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.comparison.gap_steps import gap_steps
+from hopopt.comparison.gap_steps import SINKS, gap_steps
 from hopopt.control.closed_loop import Run, clearance_in_mujoco, make_controller, make_plant, simulate
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design, refuse_landed
@@ -33,7 +33,7 @@ from hopopt.sim.trace import Event, Trace
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
 ALL = "all"  # in place of names: every strategy that suits the leg
-DEFAULT = ("track", "force", "force_tuck")  # and the better of these two:
+DEFAULT = ("track", "force", "force_tuck", SINKS)  # and the better of these two:
 TUNED_PD = ("force_tuned", "position_tuned")
 BEATEN = 1e-4  # [m] on the paper's leg, by which a strategy may pass the bound: what verification allows
 EARLY_LIFT_OFF = 0.9  # share of the planned stance, before which a foot should not leave
@@ -157,7 +157,7 @@ def compare(
     """Solve for the bound (or take one that was solved), simulate strategies, and set them side by side.
 
     strategies: names; "all" for every one that suits the leg; by default the tracked optimum, the paper's force control,
-    plain and with a tuck, and the better of its tuned PD strategies. plan: to track, if there is one. tune: the tuned ones get the best gains among so
+    plain and with a tuck, the counter-movement, and the better of its tuned PD strategies. plan: to track, if there is one. tune: the tuned ones get the best gains among so
     many hops of this leg. mujoco: run all in MuJoCo too. until: when no strategy may be begun any more. Raises MissingExtraError without it, UsageError for strategies
     that are unknown or do not suit the leg and for a bound of another problem, NotSolvedError if there is none.
     """
@@ -229,6 +229,7 @@ def chosen_names(design: Design, names: Sequence[str] | None) -> tuple[list[str]
         return list(names), []
     tracking = [name for name, s in BUILT_IN.items() if s.needs_plan]
     wanted = [*DEFAULT, *TUNED_PD] if names is None else [*tracking, *(n for n in BUILT_IN if n not in tracking)]
+    wanted = [name for name in wanted if name != SINKS or design.hop.counter_movement]
     wanted += [name for name in names or () if name not in (ALL, *wanted)]
     if two_joints(design.leg):
         return wanted, []

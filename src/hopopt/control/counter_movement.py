@@ -5,6 +5,7 @@ longer, and so the same drives give more work. How deep is chosen on the believe
 several depths are computed along the plumb line, with the same law and the same clamp. Of the optimum nothing is known here.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,9 +29,11 @@ ENDS = (0.0, 0.5, 1.0, 2.0)  # shares of the weight below which the ground's for
 DRAWN_UP = 3  # movements of each end that throw highest, of which flights are computed
 STEP = 2e-3  # [s] on the paper's leg, of a computed push
 IN_TIME = 0.95  # share of the longest stance, within which a computed push ends
+LATEST = 0.98  # share of it after which any push ends: the plant is slower than what was computed
 LIGHT = 2.0  # [N] on the paper's leg, below which the ground's force counts as gone: speeds are measured late
 LAST = 1e-3  # share of the leg's reach that a computed push ends below the stretched leg
-GRIP = 0.9  # share of the friction cone within which the ground's force is kept, on ideal ground of that of friction 1
+LOADED = 0.1  # share of the weight that stays on the foot on the way down
+GRIP = 0.7  # share of the friction cone within which the ground's force is kept, on ideal ground of that of friction 1: speeds are coarse
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,18 @@ class Movement:
         )
 
 
+@dataclass(frozen=True)
+class Way:
+    """A push as computed, at instants (k,): times t [s] from its beginning, height y [m] of the body and its rate [m/s], the ground's
+    upward force ``load`` [N], and whether a joint is ``too_fast`` to be brought to rest before its limit."""
+
+    t: np.ndarray
+    y: np.ndarray
+    rate: np.ndarray
+    load: np.ndarray
+    too_fast: np.ndarray
+
+
 class CounterMovement(Force):
     """Down as ``movement`` says, then the paper's force control towards the stretched leg."""
 
@@ -66,6 +81,7 @@ class CounterMovement(Force):
         self.watched = points_above_ground(setting.design)
         self.light, self.weight = LIGHT * Scale.of(self.leg).force, weight(setting.robot.model)
         self.grip = GRIP * (1.0 if self.design.contact.friction is None else self.design.contact.friction)
+        self._ways: dict[float, Way] = {}
         self.movement = self._best()
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
@@ -75,12 +91,26 @@ class CounterMovement(Force):
             return self._pushing(s, now.q, now.v)
         y, rate, rise = self.movement.down(since)
         k, d = self.options.plumb_k, self.options.plumb_d
-        return self.lifted(s, rise + k * (self.lowest + y - s.q[1]) + d * (rate - s.v[1]))
+        return self._held(s, now, self.lifted(s, rise + k * (self.lowest + y - s.q[1]) + d * (rate - s.v[1])))
 
     def over(self, now: Measurement, s: StanceTerms, tau: np.ndarray) -> bool:
-        """Whether the ground carries too little, or a joint could not be brought to rest before its limit any more."""
-        risen = now.t - (self.pushed or 0.0) >= self.movement.duration
-        return risen and self._over(s, self.drive.at(now.q).clamp(now.v, tau), self.movement)
+        """Whether the ground carries too little, a joint could not be brought to rest before its limit any more, or time is up."""
+        since = now.t - (self.pushed or 0.0)
+        if since < self.movement.duration:
+            return False
+        late = since >= LATEST * self.design.hop.stance_duration[1]
+        return late or self._over(s, self.drive.at(now.q).clamp(now.v, tau))
+
+    def _held(self, s: StanceTerms, now: Measurement, tau: np.ndarray) -> np.ndarray:
+        """Torques (n) [N m] as near tau as leaves the foot enough load, within its grip: a leg that sinks presses little."""
+        tau = self.drive.at(now.q).clamp(now.v, tau)
+        along, up = force = s.contact_force(tau)
+        up = max(up, LOADED * self.weight)
+        wanted = np.array([np.clip(along, -self.grip * up, self.grip * up), up])
+        if (wanted == force).all():
+            return tau
+        by_each = np.array([s.contact_force(tau + joint) - force for joint in np.eye(2)]).T
+        return tau + np.linalg.solve(by_each, wanted - force)
 
     def _pushing(self, s: StanceTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Torques (n) [N m] towards the stretched leg, the body on the plumb line as far as the foot grips."""
@@ -92,10 +122,10 @@ class CounterMovement(Force):
         by_hip = s.contact_force(tau + np.array([1.0, 0.0])) - s.contact_force(tau)
         return self.drive.at(q).clamp(v, tau) - np.array([edge @ force / (edge @ by_hip), 0.0])
 
-    def _over(self, s: StanceTerms, tau: np.ndarray, movement: Movement) -> bool:
-        """Whether a push with these torques (n) [N m] has to end."""
-        lets_go = s.contact_force(tau)[1] < max(self.light, movement.released * self.weight)
-        return bool(lets_go) or self.too_fast(s.q[BASE:], s.v[BASE:])
+    def _over(self, s: StanceTerms, tau: np.ndarray) -> bool:
+        """Whether a push with these torques (n) [N m] has to end; with a loaded foot only once the leg rises fast enough to hop."""
+        least = max(self.light, self.movement.released * self.weight if self.rise > self.bounce / 2 else 0.0)
+        return bool(s.contact_force(tau)[1] < least) or self.too_fast(s.q[BASE:], s.v[BASE:])
 
     def _best(self) -> Movement:
         """That from which the computed leg clears most in the time there is, of those that throw it highest. An end of the push counts
@@ -141,19 +171,36 @@ class CounterMovement(Force):
 
     def _thrown(self, movement: Movement) -> LiftOff:
         """The leg after a push as computed from the bottom."""
+        way = self._up_from(movement.depth)
+        least = max(self.light, movement.released * self.weight)
+        ends = (way.rate > 0) & ((way.load < least) | way.too_fast)
+        ends |= way.t + movement.duration >= IN_TIME * self.design.hop.stance_duration[1]
+        k = int(np.argmax(ends)) if ends.any() else -1
+        s = self.machine.stance_terms(*self.with_rates(float(way.y[k]), float(way.rate[k])))
+        return LiftOff(s.q[BASE:], s.v[BASE:], float(self.machine.com_velocity(s.q, s.v)[1]))
+
+    def _up_from(self, depth: float) -> "Way":
+        """The push from this depth [m] below the start, as computed: up to the stretched leg, as long as a stance may last at most, or until
+        the ground would have to let go whatever the movement says."""
+        if depth not in self._ways:
+            self._ways[depth] = Way(*map(np.array, zip(*self._steps_up(depth), strict=True)))
+        return self._ways[depth]
+
+    def _steps_up(self, depth: float) -> Iterator[tuple[float, float, float, float, bool]]:
+        """Instants of a push, as the fields of ``Way``."""
         stretched = float(-foot_offset(self.leg, self.stretched)[1])
-        y, rate, t = self.lowest - movement.depth, 0.0, movement.duration
+        y, rate, t = self.lowest - depth, 0.0, 0.0
         while t < IN_TIME * self.design.hop.stance_duration[1] and y < (1 - LAST) * stretched:
             q, v = self.with_rates(y, rate)
             s = self.machine.stance_terms(q, v)
             tau = self.drive.at(q).clamp(v, self._pushing(s, q, v))
-            a = s.acceleration(tau)
-            if rate > 0 and self._over(s, tau, movement):
-                break
+            a, load, too_fast = s.acceleration(tau), float(s.contact_force(tau)[1]), self.too_fast(q, v)
+            yield t, y, rate, load, too_fast
+            if rate > 0 and (load < self.light or too_fast):
+                return
             rise = -float((s.jacobian @ a + s.drift)[1])
             y, rate, t = y + self.pace * (rate + self.pace * rise / 2), rate + self.pace * rise, t + self.pace
-        s = self.machine.stance_terms(*self.with_rates(y, rate))
-        return LiftOff(s.q[BASE:], s.v[BASE:], float(self.machine.com_velocity(s.q, s.v)[1]))
+        yield t, y, rate, 0.0, True
 
     def limited_by(self, hop: HopFigures) -> str:
         """What held a hop down, in words; empty where there is none."""

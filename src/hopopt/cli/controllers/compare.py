@@ -38,7 +38,7 @@ Strategies = Annotated[
     repeated(
         "--strategies",
         "A strategy to simulate, such as force, or your own as package.module:Class (repeat, or separate by commas). All "
-        "that suit the leg: all. Default: track, force, force_tuck and the better tuned one.",
+        "that suit the leg: all. Default: track, force, force_tuck, counter_movement and the better tuned one.",
     ),
 ]
 
