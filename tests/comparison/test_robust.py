@@ -118,6 +118,24 @@ def test_inertias_that_are_given_go_with_the_mass(given: str) -> None:
         np.testing.assert_allclose(by_mass(draw.leg), by_mass(believed), rtol=1e-12)
 
 
+def test_cranks_and_rods_weigh_more_or_less_each_by_itself() -> None:
+    """Within the spread, inertias with their masses; what else is drawn stays, and heavy legs have heavy ones."""
+    links = {"crank": 0.06, "rod": 0.38, "arm": 0.06, "ahead": False, "crank_mass": 0.1, "rod_mass": 0.2}
+    design = load("paper", {"leg.knee.transmission.five_bar": links | {"rod_inertia": 0.004}})
+    spread = Uncertainty(mass=0.1)
+    legs, plain = (drawn(each, spread, 50, 3) for each in (design, load("paper")))
+    found = [p.leg.leg.joint["knee"].transmission.five_bar for p in legs]  # type: ignore[union-attr]
+    masses = np.array([(each.crank_mass / 0.1, each.rod_mass / 0.2, each.rod_inertia / 0.004) for each in found])
+    np.testing.assert_allclose(masses[:, 1], masses[:, 2], rtol=1e-12)
+    assert np.all(np.abs(masses - 1) <= 0.1)
+    assert np.all(masses[:, :2].std(axis=0) > 0.04)
+    assert abs(np.corrcoef(masses[:, :2].T)[0, 1]) < 0.5
+    assert [p.leg.leg.body.mass for p in legs] == [p.leg.leg.body.mass for p in plain]
+    heaviest, lightest = extremes(design, spread, 1.0)[:2]
+    for leg, factor in ((heaviest, 1.1), (lightest, 0.9)):
+        assert leg.leg.leg.joint["knee"].transmission.five_bar.rod_mass == pytest.approx(0.2 * factor)  # type: ignore[union-attr]
+
+
 def test_a_rod_that_is_written_out_is_drawn_as_one_that_is_not() -> None:
     """Mass, length, centre of mass and inertia of every drawn link are the same."""
     rod: dict[str, object] = {"leg.thigh.com": 0.19, "leg.thigh.inertia": 1.87 * 0.38**2 / 12}

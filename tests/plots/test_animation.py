@@ -3,6 +3,7 @@
 import json
 import shutil
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from hopopt.errors import ResultError, UsageError
 from hopopt.planner.solution import Solution
 from hopopt.plots import animation
 from hopopt.plots.animation import HOLD, PICTURE_RATE, animate, instants, moving_svg, poses
+from hopopt.problem.load import changed
 from hopopt.report.motion import ShownHop, planned
 from hopopt.storage.solution import save
 
@@ -31,6 +33,18 @@ def test_poses_are_those_of_the_plan(hop: Solution, shown: ShownHop) -> None:
     s = hop.sample(np.minimum(times, hop.end))  # the picture stays at the end
     expected = np.stack([s.points[name] for name in ("hip", "knee", "foot")], axis=1)
     np.testing.assert_allclose(poses(shown, times), expected, atol=1e-4)
+
+
+def test_cranks_and_rods_move_with_the_leg(hop: Solution) -> None:
+    """Lengths are kept and ends meet pivot and shank; SVG and report have a line for them."""
+    links = {"crank": 0.06, "rod": 0.38, "arm": 0.06, "ahead": False}
+    shown = planned(replace(hop, design=changed(hop.design, {"leg.knee.transmission.five_bar": links})), "five-bar")
+    (bar,), chain = shown.bars.swapaxes(0, 1), shown.chain
+    np.testing.assert_allclose(np.linalg.norm(np.diff(bar, axis=1), axis=2), [[0.06, 0.38]] * len(bar), atol=1e-9)
+    along = chain[:, 2] - chain[:, 1]
+    arm = chain[:, 1] + 0.06 * along / np.linalg.norm(along, axis=1, keepdims=True)
+    np.testing.assert_allclose(bar[:, [0, 2]], np.stack([chain[:, 0], arm], axis=1), atol=1e-9)
+    assert moving_svg([shown], "a leg", FAST).count('attributeName="points"') == 2
 
 
 @pytest.mark.slow

@@ -142,6 +142,22 @@ def test_shapes_that_collide_are_drawn_where_they_are(server: Any, hop: Solution
     assert [shape.visible for shape in scene.shapes.values()] == [True, False, False, True]
 
 
+def test_cranks_and_rods_reach_from_the_body_to_the_shank(server: Any, hop: Solution) -> None:
+    """The rod's end in its frame is the arm's in the shank's, at every time."""
+    links = {"crank": 0.06, "rod": 0.38, "arm": 0.06, "ahead": False}
+    design = changed(hop.design, {"leg.knee.transmission.five_bar": links})
+    scene = HopScene(server, replace(hop, design=design))
+    for t in (0.0, hop.lift_off, hop.end):
+        scene.show(t)
+        crank, rod, shank = (
+            pin.SE3(pin.Quaternion(*frame.wxyz).toRotationMatrix(), np.asarray(frame.position, dtype=float))
+            for frame in (*scene.bars.values(), scene.links["knee"])
+        )
+        np.testing.assert_allclose(crank.translation, scene.links["hip"].position, atol=1e-6)
+        np.testing.assert_allclose(crank.act(np.array([0.06, 0, 0])), rod.translation, atol=1e-6)
+        np.testing.assert_allclose(rod.act(np.array([0.38, 0, 0])), shank.act(np.array([0, 0, -0.06])), atol=1e-6)
+
+
 def test_visuals_lie_where_the_urdf_puts_them(robot: Path) -> None:
     """By Pinocchio's whole model of the same file with all angles zero: each in the frame of the joint that moves it."""
     found = visuals((robot / "robot.urdf").read_bytes(), robot, ["hip", "knee"], "foot", {})

@@ -77,6 +77,11 @@ def _weighs(p: Mapping[str, Any], joint: str, part: str) -> tuple[Any, Any, Any,
     return length, mass, p.get(f"{path}_com", 0.5 * length), p.get(f"{path}_inertia", mass * length**2 / 12)
 
 
+def side_link_scaled(five_bar: Mapping[str, Any], part: str, mass: float) -> dict[str, float]:
+    """Entries of a five-bar that change where its crank or rod weighs so many times as much."""
+    return {name: five_bar[name] * mass for name in (f"{part}_mass", f"{part}_inertia") if name in five_bar}
+
+
 def side_mass(leg: Leg, p: Mapping[str, Any]) -> Any:
     """Of all cranks and rods [kg]."""
     return sum(_weighs(p, joint, part)[1] for joint in leg.five_bars for part in PARTS)
@@ -251,6 +256,12 @@ class ClosedChains:
         pin.forwardKinematics(self.model, self.data, self.whole(q))
         joints = {loop.joint: self.model.getJointId(f"{loop.joint} rod") for loop in self.loops}
         return {crank_point(joint): self.data.oMi[index].translation[PLANE].copy() for joint, index in joints.items()}
+
+    def placements(self, q: np.ndarray) -> dict[tuple[str, str], pin.SE3]:
+        """Frames of cranks and rods at q (2 + n), by (joint, part): each lies along x of its own, from where it turns."""
+        pin.forwardKinematics(self.model, self.data, self.whole(q))
+        parts = [(loop.joint, part) for loop in self.loops for part in PARTS]
+        return {part: self.data.oMi[self.model.getJointId(" ".join(part))].copy() for part in parts}
 
     def com(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """World x, z of the centre of mass and of its velocity [m, m/s]."""

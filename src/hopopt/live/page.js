@@ -171,7 +171,8 @@
     const a = axes($("leg"), [middle - wide / 2, middle + wide / 2], [-0.05 * top, top], "along [m]", "height [m]");
     svg($("leg"), "line", { class: "ground", x1: L, x2: W - R, y1: a.py(0), y2: a.py(0) });
     for (let k = all.length - 1; k >= 0; k--) {
-      drawn.bones.push({ hop: all[k], a, line: svg($("leg"), "polyline", { class: "bones" + class_(k) }), body: svg($("leg"), "circle", { class: "body" + class_(k), r: k ? 8 : 11 }) });
+      const bars = all[k].bars[0].flatMap((_, i) => (i % 6 ? [] : [svg($("leg"), "polyline", { class: "bar" + class_(k) })]));
+      drawn.bones.push({ hop: all[k], a, bars, line: svg($("leg"), "polyline", { class: "bones" + class_(k) }), body: svg($("leg"), "circle", { class: "body" + class_(k), r: k ? 8 : 11 }) });
     }
     // charts
     $("charts").replaceChildren();
@@ -212,11 +213,12 @@
   };
   const move = () => {
     if (!drawn) return;
-    for (const { hop, a, line, body } of drawn.bones) {
-      const [k, share] = at(hop, t), pose = hop.chain[k].map((v, i) => (1 - share) * hop.chain[k - 1][i] + share * v);
-      const points = [];
-      for (let i = 0; i < pose.length; i += 2) points.push(`${a.px(pose[i]).toFixed(1)},${a.py(pose[i + 1]).toFixed(1)}`);
-      line.setAttribute("points", points.join(" "));
+    for (const { hop, a, bars, line, body } of drawn.bones) {
+      const [k, share] = at(hop, t), now = (rows) => rows[k].map((v, i) => (1 - share) * rows[k - 1][i] + share * v);
+      const places = (values) => values.flatMap((v, i) => (i % 2 ? [] : [`${a.px(v).toFixed(1)},${a.py(values[i + 1]).toFixed(1)}`]));
+      const pose = now(hop.chain), beside = places(now(hop.bars));
+      line.setAttribute("points", places(pose).join(" "));
+      bars.forEach((bar, i) => bar.setAttribute("points", beside.slice(3 * i, 3 * i + 3).join(" ")));
       body.setAttribute("cx", a.px(pose[0]));
       body.setAttribute("cy", a.py(pose[1]));
     }

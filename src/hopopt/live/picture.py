@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.planner.motion import Motion
-from hopopt.report.motion import chain
+from hopopt.report.motion import bars, chain
 
 INSTANTS = 100  # evenly over the hop
 DIGITS = 5  # of a number that is drawn
@@ -18,7 +18,8 @@ DIGITS = 5  # of a number that is drawn
 class Picture:
     """What a page shows of a hop.
 
-    drawn: the hop at k instants: t [s], (k,); chain: x, z of every joint and the foot [m], (k, 2 (n + 1)); v [rad/s],
+    drawn: the hop at k instants: t [s], (k,); chain: x, z of every joint and the foot [m], (k, 2 (n + 1)); bars: of each
+        five-bar x, z of pivot, crank's end and rod's end [m], (k, 6 five-bars); v [rad/s],
         tau [N m], (n, k); lowest, com: heights [m], (k,); force: of the ground, upwards [N], (k,); voltage: of the bus
         over what it is without load, (k,), null without a supply that sags; regions: of each joint the corners of its
         operating region, [speeds, torques]
@@ -34,9 +35,10 @@ def picture(motion: Motion) -> Picture:
     """A hop as it is drawn, with what a list of designs tells of it."""
     times = np.union1d(np.linspace(0.0, motion.end, INSTANTS), [motion.lift_off])
     s, robot = motion.sample(times), motion.robot
-    v, voltage = s.w, motion.voltage(s)
+    v, voltage, legs = s.w, motion.voltage(s), chain(s.points, robot)
     drawn = {
-        "t": _rounded(s.t), "joints": list(robot.joints), "chain": _rounded(chain(s.points, robot).reshape(len(s.t), -1)),
+        "t": _rounded(s.t), "joints": list(robot.joints), "chain": _rounded(legs.reshape(len(s.t), -1)),
+        "bars": _rounded(bars(legs, s.q, robot.leg).reshape(len(s.t), -1)),
         "v": _rounded(v.T), "tau": _rounded(s.command.T), "lowest": _rounded(s.lowest),
         "com": _rounded(s.points["com"][:, 1]), "force": _rounded(s.f[:, -1]),
         "voltage": None if voltage is None else _rounded(voltage),

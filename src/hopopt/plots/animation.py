@@ -82,8 +82,14 @@ def instants(hops: Sequence[ShownHop], slower: float) -> np.ndarray:
 
 def poses(hop: ShownHop, times: np.ndarray) -> np.ndarray:
     """The chain (k, n + 1, 2) [m] at times [s]; beyond its end as it ends."""
-    flat = hop.chain.reshape(len(hop.t), -1)
-    return np.stack([np.interp(times, hop.t, column) for column in flat.T], axis=1).reshape(-1, *hop.chain.shape[1:])
+    return _between(hop.t, hop.chain, times)
+
+
+def _between(t: np.ndarray, values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Values (k, ...) of instants t (k,) at other times [s]; beyond the last as there."""
+    flat = values.reshape(len(t), -1)
+    found = [np.interp(times, t, column) for column in flat.T]
+    return np.reshape(np.array(found).T, (len(times), *values.shape[1:]))
 
 
 def _bounds(hops: Sequence[ShownHop]) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -105,19 +111,22 @@ def _drawn(hops: Sequence[ShownHop], title: str, slower: float) -> FuncAnimation
     ax.set(xlim=x, ylim=y, aspect="equal")
     describe(ax, "along [m]", "height [m]")
     clock = ax.set_title(" ", loc="right", fontsize=TEXT)  # over the axes: in them it would lie on a leg
-    legs, chains = [], [poses(hop, times) for hop in hops]
+    legs, chains, bars = [], [poses(hop, times) for hop in hops], [_between(hop.t, hop.bars, times) for hop in hops]
     ended = max(hops, key=lambda hop: hop.t[-1]).ends
     for hop, color in zip(hops, COLORS, strict=False):
         ax.plot(*hop.chain[:, -1].T, color=color, lw=1, alpha=0.5)
         (leg,) = ax.plot([], [], "-o", color=color, lw=4, ms=6, mfc="white", label=_label(hop))
         (body,) = ax.plot([], [], "o", color=color, ms=14)
-        legs.append((leg, body))
+        thin = [ax.plot([], [], "-o", color=color, lw=1.5, ms=3)[0] for _ in hop.bars[0]]
+        legs.append((leg, body, thin))
     legend(figure)
 
     def draw(k: int) -> list:
-        for (leg, body), chain in zip(legs, chains, strict=True):
+        for (leg, body, thin), chain, beside in zip(legs, chains, bars, strict=True):
             leg.set_data(*chain[k].T)
             body.set_data(*chain[k, :1].T)
+            for line, ends in zip(thin, beside[k], strict=True):
+                line.set_data(*ends.T)
         clock.set_text(f"{times[k]:.3f} s{f', {ended}' if ended and times[k] == times[-1] else ''}")
         return [clock]
 
@@ -144,10 +153,16 @@ def moving_svg(hops: Sequence[ShownHop], title: str, slower: float) -> str:
     for k, (hop, color) in enumerate(zip(hops, COLORS, strict=False)):
         shown = [chart.line(*chain.T) for chain in poses(hop, times)]
         cx, cy = zip(*(text.partition(" ")[0].split(",") for text in shown), strict=True)
+        thin = [[chart.line(*ends.T) for ends in each] for each in _between(hop.t, hop.bars, times).swapaxes(0, 1)]
         places = (f'<animate attributeName="c{n}" values="{";".join(v)}" {timing}/>' for n, v in (("x", cx), ("y", cy)))
         row = PICTURE_HEIGHT + 22 * k + 10
         lines += [
             f'<polyline points="{chart.line(*hop.chain[:, -1].T)}" fill="none" stroke="{color}" opacity=".5"/>',
+            *(
+                f'<polyline points="{bar[0]}" fill="none" stroke="{color}" stroke-width="2">'
+                f'<animate attributeName="points" values="{";".join(bar)}" {timing}/></polyline>'
+                for bar in thin
+            ),
             f'<polyline points="{shown[0]}" fill="none" stroke="{color}" stroke-width="6" stroke-linejoin="round">'
             f'<animate attributeName="points" values="{";".join(shown)}" {timing}/></polyline>',
             f'<circle cx="{cx[0]}" cy="{cy[0]}" r="10" fill="{color}">{"".join(places)}</circle>',

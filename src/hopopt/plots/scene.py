@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.errors import MissingExtraError, UsageError
+from hopopt.leg.closed_chains import PARTS
 from hopopt.leg.files.urdf_visuals import BODY, Visual
 from hopopt.leg.geometry.solids import BESIDE, solids
 from hopopt.leg.robot import BASE
@@ -27,6 +28,7 @@ from hopopt.planner.motion import Motion
 POSE_INTERVAL = 0.002  # [s] on the paper's leg, between two poses
 FRAME_INTERVAL = 1 / 50  # [s] between two pictures
 THICK = 0.04  # radius of a link's cylinder, as a share of the leg's length
+BAR = 0.5  # radius of a crank's and a rod's, as a share of a link's
 FORCE = 0.0006  # [m/N] on the paper's leg: length of the ground force's line
 GROUND, CELL, SECTION = 4.0, 0.1, 0.5  # [m] on the paper's leg: sides of the ground, of its cells, of their sections
 PLAY_SPEEDS = {"1": 1.0, "1/4": 0.25, "1/10": 0.1}
@@ -40,6 +42,7 @@ class HopScene:
 
     server: viser's. links: frame of the body and of each moving joint, by name. slider: time since the hop began [s].
     drawn: link -> what is shown of it: "mesh", or "cylinder" where there is none. shapes: what collides, by its place in the scene.
+    bars: frames of the cranks and rods of five-bars, by (joint, part).
     """
 
     def __init__(self, server: Any, hop: Motion, looks: Sequence[Visual] = ()):
@@ -56,7 +59,7 @@ class HopScene:
             name: server.scene.add_frame(f"/leg/{name}", show_axes=False) for name in ("body", *hop.robot.leg.pivots)
         }
         self.drawn = self._dress(looks)
-        self.shapes = self._shapes()
+        self.shapes, self.bars = self._shapes(), self._bars()
         self._push = server.scene.add_line_segments(
             "/ground force", np.zeros((1, 2, 3)), BLACK, thickness=0.2 * THICK * self._length
         )
@@ -108,6 +111,17 @@ class HopScene:
             found[where] = self.server.scene.add_mesh_simple(
                 where, hull.vertices, hull.faces, color=SHAPE, opacity=0.35, visible=solid.counts
             )
+        return found
+
+    def _bars(self) -> dict[tuple[str, str], Any]:
+        """Cranks and rods of five-bars as thin cylinders along x of frames of their own."""
+        trimesh, leg, found = import_module("trimesh"), self._robot.leg, dict[tuple[str, str], Any]()
+        for joint, part in ((joint, part) for joint in leg.five_bars for part in PARTS):
+            length, where = self._robot.parameters[f"leg.{joint}.transmission.five_bar.{part}"], f"/leg/{joint} {part}"
+            found[joint, part] = self.server.scene.add_frame(where, show_axes=False)
+            ends = [np.zeros(3), np.array([length, 0.0, 0.0])]
+            bar = trimesh.creation.cylinder(BAR * THICK * self._length, segment=ends)
+            self.server.scene.add_mesh_simple(f"{where}/simple", bar.vertices, bar.faces, color=GREY)
         return found
 
     def _drawn_width(self, points: np.ndarray) -> float:
@@ -172,6 +186,9 @@ class HopScene:
                 place = self._data.oMi[self._robot.points[name][0]]
                 self.links[name].position = tuple(place.translation)
                 self.links[name].wxyz = _quaternion(place.rotation)
+            for part, place in (self._robot.chains.placements(q) if self._robot.chains else {}).items():
+                self.bars[part].position = tuple(place.translation)
+                self.bars[part].wxyz = _quaternion(place.rotation)
             foot = self._data.oMf[self._robot.model.getFrameId("point_foot")].translation
             push = (
                 FORCE

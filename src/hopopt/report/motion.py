@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopopt.leg.robot import Robot
+from hopopt.design import Leg
+from hopopt.leg.closed_chains import chain_lines
+from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import Scale
 from hopopt.planner.motion import Samples
 from hopopt.planner.solution import Solution
@@ -21,6 +23,7 @@ class ShownHop:
     name: what the page calls it
     t: since the hop began [s], (k,)
     chain: x, z of every joint and the foot, (k, n + 1, 2) [m]
+    bars: x, z of pivot, crank's end and rod's end of every five-bar, (k, five-bars, 3, 2) [m]
     com: x, z of the centre of mass, (k, 2) [m]
     lowest: height of the lowest point, trunk and links with shapes too, (k,) [m]
     v, tau: speeds [rad/s] and torques [N m] of the drives behind their gears, (k, n)
@@ -33,6 +36,7 @@ class ShownHop:
     name: str
     t: np.ndarray
     chain: np.ndarray
+    bars: np.ndarray
     com: np.ndarray
     lowest: np.ndarray
     v: np.ndarray
@@ -49,6 +53,13 @@ PLAN_ENDS = "the plan ends"  # what is shown of a plan whose foot does not come 
 def chain(points: Mapping[str, np.ndarray], robot: Robot) -> np.ndarray:
     """x, z of every joint and the foot, (k, n + 1, 2) [m], of points by name."""
     return np.stack([points[name] for name in robot.leg.chain], axis=1)
+
+
+def bars(chain: np.ndarray, q: np.ndarray, leg: Leg) -> np.ndarray:
+    """``ShownHop.bars`` of a chain and q (k, 2 + n) of the whole leg."""
+    if not leg.five_bars:
+        return np.zeros((len(q), 0, 3, 2))
+    return np.array([chain_lines(leg, pose[BASE:]) for pose in q]) + chain[:, None, :1]
 
 
 def planned(solution: Solution, name: str) -> ShownHop:
@@ -77,5 +88,6 @@ def _shown(
     clearance: float | None, ends: str = "",
 ) -> ShownHop:  # fmt: skip
     """A hop by its samples; the others as its fields."""
-    places = chain(s.points, robot), s.points["com"], s.lowest
+    legs = chain(s.points, robot)
+    places = legs, bars(legs, s.q, robot.leg), s.points["com"], s.lowest
     return ShownHop(name, s.t, *places, s.w, tau, force, lift_off, clearance, ends)

@@ -22,8 +22,14 @@
 
   const draw = () => {
     for (const svg of document.querySelectorAll("svg.scene")) {
-      const hop = hops[svg.dataset.hop], [px, py] = mapping(svg), chain = at(hop, hop.chain), points = [];
-      for (let k = 0; k < chain.length; k += 2) points.push([px(chain[k]), py(chain[k + 1])]);
+      const hop = hops[svg.dataset.hop], [px, py] = mapping(svg);
+      const places = (values) => {
+        const found = [];
+        for (let k = 0; k < values.length; k += 2) found.push([px(values[k]), py(values[k + 1])]);
+        return found;
+      };
+      const points = places(at(hop, hop.chain)), bars = places(at(hop, hop.bars));
+      svg.querySelectorAll(".bar").forEach((bar, k) => bar.setAttribute("points", bars.slice(3 * k, 3 * k + 3).join(" ")));
       svg.querySelector(".leg").setAttribute("points", points.map((p) => p.join(",")).join(" "));
       set(svg.querySelector(".body"), { cx: points[0][0], cy: points[0][1] });
       const foot = points[points.length - 1], f = at(hop, hop.force).map((x) => x * FORCE);

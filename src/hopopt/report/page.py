@@ -129,7 +129,8 @@ def _looked_up(data: Mapping[str, Any], key: str) -> Any:
 
 def _plain(hop: ShownHop) -> dict[str, Any]:
     """What the script moves, rounded."""
-    arrays = {"chain": hop.chain.reshape(len(hop.t), -1), "v": hop.v, "tau": hop.tau, "force": hop.force}
+    arrays = {name: getattr(hop, name).reshape(len(hop.t), -1) for name in ("chain", "bars")}
+    arrays |= {"v": hop.v, "tau": hop.tau, "force": hop.force}
     return {"t": np.round(hop.t, DIGITS + 2).tolist()} | {k: np.round(a, DIGITS).tolist() for k, a in arrays.items()}
 
 
@@ -148,6 +149,7 @@ def _scenes(hops: Sequence[ShownHop]) -> list[dict[str, Any]]:
         pose, foot = chart.line(*hop.chain[0].T), chart.line(*hop.chain[:, -1].T)
         body = pose.partition(" ")[0].split(",")
         found.append({"hop": hop, "color": color, "chart": chart, "pose": pose, "foot": foot, "body": body})
+        found[-1]["bars"] = [chart.line(*ends.T) for ends in hop.bars[0]]
         found[-1]["com"] = chart.line(*hop.com.T)
     return found
 

@@ -1,6 +1,6 @@
 """Strategies on legs that differ from the believed one: seeded draws, and what a share of them reaches."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -13,10 +13,11 @@ from hopopt.comparison.compare import TUNED_PD, Comparison, chosen_names, compar
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
-from hopopt.design import Design, Uncertainty, as_changed
+from hopopt.design import Design, Leg, Uncertainty, as_changed
 from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.errors import UsageError
 from hopopt.extensions import carried
+from hopopt.leg.closed_chains import PARTS, side_link_scaled
 from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.scales import radians
@@ -60,7 +61,9 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
     """
     check("draws", draws, 0)
     check("seed", seed, 0)
-    rng, more, last = (Drawing(np.random.default_rng(s), corners) for s in (seed, (seed, 1), (seed, 2)))
+    rng, more, last, beside = (
+        Drawing(np.random.default_rng(s), corners) for s in (seed, *((seed, k) for k in (1, 2, 3)))
+    )
     found = list[Draw]()
     n = len(design.leg.joints)
     for _ in range(draws):
@@ -83,6 +86,8 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
                 worse = {TABLE: table.model_dump() | {"efficiency": tuple(x * (1 - lost) for x in table.efficiency)}}
             if lost:
                 data["leg"][name].setdefault("gear", {}).update(worse)
+        for parts, part in _side_links(data, design.leg):
+            parts |= side_link_scaled(parts, part, 1 + spread.mass * beside.uniform(-1, 1))
         found.append(Draw(_true_leg(data), gain, start))
     return found
 
@@ -97,10 +102,19 @@ def extremes(design: Design, spread: Uncertainty, share: float) -> list[Draw]:
         data = design.model_dump(exclude_none=True)
         for name in ("body", *design.leg.links):
             data["leg"][name] |= scaled(data["leg"][name], mass=1 + heavier * mass)
+        for parts, part in _side_links(data, design.leg):
+            parts |= side_link_scaled(parts, part, 1 + heavier * mass)
         if design.contact.friction is not None:
             data["contact"]["friction"] *= 1 - share * spread.friction
         found.append(Draw(_true_leg(data), 1 + torque * stronger, start_angles(design)))
     return found
+
+
+def _side_links(data: Mapping[str, Any], leg: Leg) -> Iterator[tuple[dict[str, Any], str]]:
+    """Cranks and rods of a problem's five-bars: the entries of each one's five-bar, and which of both it is."""
+    for joint in leg.five_bars:
+        for part in PARTS:
+            yield data["leg"][joint]["transmission"]["five_bar"], part
 
 
 def _true_leg(data: Mapping[str, Any]) -> Design:

@@ -5,6 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from hopopt.leg.closed_chains import chain_lines
+from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.plots.controllers.runs_style import Runs, called, few, last, looks, reached, runs_figure, since_lift_off
 from hopopt.plots.stick import every as how_often
@@ -67,6 +69,9 @@ class _Poses:
         self.radius, self.t = 0.09 * reach, np.append(early, clock[end])
         self.contact = trace.contact[np.maximum(np.searchsorted(clock, self.t, side="right") - 1, 0)]
         chain = np.stack([_at(self.t, clock, trace.points[name]) for name in trace.robot.leg.chain], axis=1)
+        leg = trace.robot.leg
+        poses = np.stack([np.interp(self.t, clock, trace.q[:, BASE + k]) for k in range(len(leg.joints))], axis=1)
+        self.bars = [np.array(chain_lines(leg, q)).reshape(-1, 3, 2) for q in poses]  # of five-bars, from the body
         left = np.minimum(chain[..., 0].min(axis=1), chain[:, 0, 0] - self.radius)
         right = np.maximum(chain[..., 0].max(axis=1), chain[:, 0, 0] + self.radius)
         self.x, self.z = chain[..., 0] - 0.5 * (left + right)[:, None], chain[..., 1]
@@ -82,8 +87,10 @@ class _Poses:
     def draw(self, ax: Axes, middles: np.ndarray, color: str) -> None:
         """Body, links, joints and foot of every pose, and the clearance at the last."""
         across = self.x + middles[:, None]
-        for x, z, contact in zip(across, self.z, self.contact, strict=True):
+        for x, z, bars, contact in zip(across, self.z, self.bars, self.contact, strict=True):
             look = {"color": color, "alpha": PALER if contact else 1.0}
+            for along, up in bars.swapaxes(1, 2):
+                ax.plot(x[0] + along, z[0] + up, lw=1.0, zorder=2, **look)
             ax.plot(x, z, "-o", lw=2.5, ms=4, mfc="white", zorder=3, **look)
             ax.add_patch(Circle((x[0], z[0]), self.radius, lw=0, zorder=4, **look))
         if self.clearance is not None and self.clearance > 0.1 * self.top:  # there is room for an arrow
