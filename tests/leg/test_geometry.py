@@ -17,7 +17,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.geometry.above import above_ground, height_rows, points_of
 from hopopt.leg.geometry.distance import Distances
 from hopopt.leg.geometry.smooth import clearances, margin_of
-from hopopt.leg.geometry.solids import BODY, NEAR, Solid, outline, placed, solids
+from hopopt.leg.geometry.solids import BODY, NEAR, Solid, counted_points, outline, placed, solids
 from hopopt.leg.kinematics import joint_positions, start_angles, tucked
 from hopopt.leg.robot import build_robot
 from hopopt.ocp.guesses.posture import Posture
@@ -300,6 +300,25 @@ def test_a_mesh_beside_the_problem_is_its_hull(tmp_path: Path) -> None:
     shapes = leg.link["thigh"].shapes
     assert shapes is not None
     assert set(shapes["thigh"].points or ()) == {(0, 0, -0.1), (0.2, 0, -0.1), (0, 0.1, -0.1), (0, 0, 0)}
+
+
+def test_what_a_fixed_joint_hangs_on_the_body_is_the_body(tmp_path: Path) -> None:
+    """A tank below the trunk, by two fixed joints, is its lowest point; another limb's is not."""
+    more = "".join(
+        f'<joint name="to_{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/><origin xyz="0 0.3 {-down}"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="30" velocity="20"/></joint>'
+        f'<link name="{name}"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>'
+        for name, kind, parent, down in (("frame", "fixed", "trunk", 0.01), ("tank", "fixed", "frame", 0.03), ("limb", "revolute", "trunk", 0.1))
+    )  # fmt: skip
+    leg = robot(tmp_path, ROBOT.replace("</robot>", more + "</robot>")).leg
+    assert leg.body.shapes is not None
+    assert {name: shape.counts for name, shape in leg.body.shapes.items()} == {
+        "frame": True,
+        "tank": True,
+        "limb": False,
+    }
+    ((lowest,),) = [[place[2] for name, _, place in counted_points(leg) if name == "trunk"]]
+    assert lowest == pytest.approx(-0.06, abs=1e-3)
 
 
 def errs(design: Design, count: int) -> None:

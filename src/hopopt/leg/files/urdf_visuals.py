@@ -66,6 +66,7 @@ def visuals(
     order = [model.getJointId(name) for name in chain]
     hip, found = data.oMi[order[0]].translation, list[Visual]()
     above = set(_links_above(tree, chain[0]))
+    above |= _fixed_to(tree, above) if what == "collision" else set()
     for name, link in tree.links.items():
         frame = model.frames[link_frame(model, name)]
         joint = order.index(frame.parentJoint) if frame.parentJoint in order else BODY
@@ -85,6 +86,15 @@ def visuals(
                 place = rotation @ own, position + rotation @ np.array(shift)
                 itself = name in above if joint == BODY else name == tree.ends(chain[joint])[1]
                 found.append(Visual(name, joint, itself, *place, _file(shape[-1], folder, within), *shape))
+    return found
+
+
+def _fixed_to(tree: Tree, links: set[str]) -> set[str]:
+    """These links and what fixed joints hang on them."""
+    found = set(links)
+    fixed = [tree.ends(name) for name, joint in tree.joints.items() if joint.get("type") == "fixed"]
+    while more := {child for parent, child in fixed if parent in found} - found:
+        found |= more
     return found
 
 
