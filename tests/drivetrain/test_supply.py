@@ -16,8 +16,14 @@ from hopopt.drivetrain.motor import rated
 from hopopt.drivetrain.supply import power_drawn, power_limits, sag, share_at, voltage_share
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import BASE, build_robot
+from hopopt.nlp.solver.ipopt import NlpSolver
+from hopopt.nlp.solver.reuse import with_numbers_of
 from hopopt.ocp.guesses.feasibility import drives_too_weak
+from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
+from hopopt.ocp.hop import Hop
+from hopopt.optimality.directions.parametric_sensitivity import slopes
 from hopopt.planner.reserve import reference_of
+from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -192,6 +198,28 @@ def test_the_search_finds_what_other_codes_found(entries: dict[str, float], leas
     assert found.verified
     assert found.summary.certified
     assert found.clearance > least
+
+
+@pytest.mark.slow
+def test_the_optimum_tells_what_gears_and_supply_are_worth() -> None:
+    """By multipliers, and by solving the first mesh again with each entry a thousandth more and less."""
+    entries = {"leg.gear.efficiency": 0.8, "leg.gear.friction": 1.0, "supply.voltage": V, "supply.current_cap": 70.0}
+    entries["supply.internal_resistance"] = 0.05
+    t = first_transcription(hop := Hop(load("paper", entries)))
+    best = NlpSolver(t)(make_guess(hop, starts_of(hop, 1)[0]))
+    assert best.success
+    told = slopes(best).parameters
+
+    def height(entry: str, value: float) -> float:
+        again = with_numbers_of(t, Hop(load("paper", entries | {entry: value})).problem)
+        found = NlpSolver(again).from_vector(best.z, (best.lam_g, best.lam_x))
+        assert found.success
+        return found.value
+
+    for entry in ("leg.gear.efficiency", "leg.gear.friction", "supply.internal_resistance"):
+        value = entries[entry]
+        slope = (height(entry, 1.001 * value) - height(entry, 0.999 * value)) / (0.002 * value)
+        assert told[entry.replace("supply", "leg.supply")][0] == pytest.approx(slope, rel=1e-4), entry
 
 
 @pytest.mark.slow
