@@ -33,6 +33,12 @@ void torque(double t, const double *q, const double *v, int contact, double sinc
     hopopt_torque(&state, (hopopt_real)t, angles, speeds, contact, (hopopt_real)since, landings, torques);
     for (int j = 0; j < HOPOPT_JOINTS; j++) tau[j] = (double)torques[j];
 }
+void drives(const double *tau, double *out) {
+    hopopt_real torques[HOPOPT_JOINTS];
+    for (int j = 0; j < HOPOPT_JOINTS; j++) torques[j] = (hopopt_real)tau[j];
+    hopopt_drive_torques(torques);
+    for (int j = 0; j < HOPOPT_JOINTS; j++) out[j] = (double)torques[j];
+}
 """
 Doubles = ctypes.POINTER(ctypes.c_double)
 
@@ -47,6 +53,8 @@ class InC:
         double, whole = ctypes.c_double, ctypes.c_int
         self.compiled.torque.argtypes = [double, Doubles, Doubles, whole, double, whole, Doubles]
         self.compiled.torque.restype = None
+        self.compiled.drives.argtypes = [Doubles, Doubles]
+        self.compiled.drives.restype = None
         self.compiled.reset()
 
     def torque(self, now: Measurement) -> np.ndarray:

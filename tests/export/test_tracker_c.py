@@ -15,15 +15,16 @@ from hopopt.control.closed_loop import simulate
 from hopopt.control.reference import PhaseReference
 from hopopt.control.strategies import BUILT_IN
 from hopopt.control.tracking.track import Track
+from hopopt.errors import UsageError
 from hopopt.export.plan import tracker_of
 from hopopt.export.tracker_c import MOST_BYTES, constants_bytes, fitting, header, to_c
 from hopopt.planner.reserve import TrackedPlan
 from hopopt.planner.solution import Solution
-from hopopt.problem.load import load
+from hopopt.problem.load import changed, load
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.verify.table import NORMALISED_TIMES
 from once import plan_with_reserve, solved_once
-from tracker_in_c import InC, compiled
+from tracker_in_c import Doubles, InC, compiled
 
 CHEAP = {  # an unrefined plan that keeps the foot pressed, so that it can be tracked
     "solver.refine": False, "solver.stance_intervals": 40, "solver.flight_intervals": 20, "contact.least_force": 60.0,
@@ -113,6 +114,33 @@ def test_c_follows_python_through_a_bounce_and_far_from_the_plan(
     for now in measured(tracker, np.arange(0.0, 1.2, 0.003), bounced):
         both.torque(now)
     assert max(both.differences) < 1e-9
+
+
+def coupled(solution: Solution, entries: dict[str, object]) -> Track:
+    """The tracker of the same plan on a leg with entries changed."""
+    plan, design = TrackedPlan.of(solution), changed(solution.design, entries)
+    return tracker_of(TrackedPlan(replace(plan.motion, design=design), plan.reference))
+
+
+def test_c_follows_python_where_belts_couple_drives_that_lose_torque(solution: Solution, tmp_path: Path) -> None:
+    """To rounding in doubles; and the torques that it names of the drives are those of the transmission."""
+    belts = {
+        "leg.knee.transmission.coupling": {"hip": {"ratio": 0.6}},
+        "leg.hip.transmission.coupling": {"knee": {"ratio": -0.3}},
+    }
+    tracker = coupled(solution, {**belts, "leg.gear.efficiency": 0.85, "leg.gear.friction": 1.0})
+    make = compiled(tmp_path, header(tracker, "paper", ("hip", "knee"), tolerance=0.0), "-DHOPOPT_REAL=double")
+    both = Both(copy(tracker), make())
+    for now in measured(tracker, np.arange(0.0, 0.9, 0.003), 0.1):
+        asked, drives = both.torque(now), np.zeros(2)
+        both.second.compiled.drives(asked.ctypes.data_as(Doubles), drives.ctypes.data_as(Doubles))  # type: ignore[attr-defined]
+        assert drives @ np.array([[1.0, -0.3], [0.6, 1.0]]) == pytest.approx(asked, rel=1e-9, abs=1e-9)
+    assert max(both.differences) < 1e-9
+
+
+def test_c_refuses_ratios_that_change(solution: Solution) -> None:
+    with pytest.raises(UsageError, match="no ratio that changes with the angle"):
+        header(coupled(solution, {"leg.knee.transmission.linear.slope": -0.1}), "paper", ("hip", "knee"))
 
 
 def measured(

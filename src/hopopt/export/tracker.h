@@ -139,18 +139,37 @@ static inline hopopt_real hopopt_needed(int joint, hopopt_real w, hopopt_real ta
     return spun + c1 * out + lost + hopopt_damping[joint] * w;
 }
 
+/* y += sign M x, with M (rows, columns) row by row. */
+static inline void hopopt_add(hopopt_real *y, hopopt_real sign, const hopopt_real *M, int rows, int columns, const hopopt_real *x) {
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) y[i] += sign * M[i * columns + j] * x[j];
+}
+
+/* Where belts or rods let a drive turn with other joints: speeds of the joints become those of the drives, torques of the joints those
+   of the drives, and torques of the drives those of the joints. Elsewhere both are the same. */
+#if HOPOPT_COUPLED
+static inline void hopopt_times(const hopopt_real *M, hopopt_real *x) {
+    hopopt_real y[HOPOPT_JOINTS] = {0};
+    hopopt_add(y, HOPOPT_R(1.0), M, HOPOPT_JOINTS, HOPOPT_JOINTS, x);
+    memcpy(x, y, sizeof y);
+}
+static inline void hopopt_drive_speeds(hopopt_real *v) { hopopt_times(hopopt_turns, v); }
+static inline void hopopt_drive_torques(hopopt_real *tau) { hopopt_times(hopopt_asks, tau); }
+static inline void hopopt_joint_torques(hopopt_real *tau) { hopopt_times(hopopt_gives, tau); }
+#else
+static inline void hopopt_drive_speeds(hopopt_real *v) { (void)v; }
+static inline void hopopt_drive_torques(hopopt_real *tau) { (void)tau; }
+static inline void hopopt_joint_torques(hopopt_real *tau) { (void)tau; }
+#endif
+
 /* What spins the rotors up over the next period (n) [N m]: it never passes the gears' teeth. */
 static inline void hopopt_spun(const hopopt_phase *p, hopopt_real since, hopopt_real *spun) {
     hopopt_real q[HOPOPT_JOINTS], now[HOPOPT_JOINTS], then[HOPOPT_JOINTS];
     hopopt_at(p, since, q, now);
     hopopt_at(p, since + HOPOPT_PERIOD, q, then);
-    for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] = hopopt_rotor[j] * ((then[j] - now[j]) / HOPOPT_PERIOD);
-}
-
-/* y += sign M x, with M (rows, columns) row by row. */
-static inline void hopopt_add(hopopt_real *y, hopopt_real sign, const hopopt_real *M, int rows, int columns, const hopopt_real *x) {
-    for (int i = 0; i < rows; i++)
-        for (int j = 0; j < columns; j++) y[i] += sign * M[i * columns + j] * x[j];
+    for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] = (then[j] - now[j]) / HOPOPT_PERIOD;
+    hopopt_drive_speeds(spun);
+    for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] *= hopopt_rotor[j];
 }
 
 /* y += sign M x, with M that of a control period; beyond the last the last. */
@@ -189,7 +208,8 @@ static inline void hopopt_let_go(const hopopt_tracker *s, hopopt_real t, hopopt_
         error[j] = s->q[j] + (t - s->t) * (s->v[j] + v[j] + error[n + j]) / 2 - q[j];
 }
 
-/* Joint torques tau [N m] to ask of the drives for the next period.
+/* Joint torques tau [N m] to ask of the drives for the next period; hopopt_drive_torques makes of them those of coupled drives,
+   behind their gears.
 
    t: since the first hop began [s]    q, v: measured joint angles [rad] and speeds [rad/s]; the filter uses q alone
    contact: whether the foot is on the ground        since: how long it has been on it, or off it [s]
@@ -216,7 +236,11 @@ static inline void hopopt_torque(hopopt_tracker *s, hopopt_real t, const hopopt_
         hopopt_at(&hopopt_flight, HOPOPT_R(0.0), planned_q, planned_v);
         memcpy(s->given, hopopt_flight.begins, sizeof s->given);
         hopopt_spun(&hopopt_flight, HOPOPT_R(0.0), spun);
-        for (int j = 0; j < n; j++) tau[j] = hopopt_needed(j, planned_v[j], s->given[j], spun[j]);
+        memcpy(tau, s->given, sizeof s->given);
+        hopopt_drive_speeds(planned_v);
+        hopopt_drive_torques(tau);
+        for (int j = 0; j < n; j++) tau[j] = hopopt_needed(j, planned_v[j], tau[j], spun[j]);
+        hopopt_joint_torques(tau);
         return;
     }
     const hopopt_phase *p = contact ? &hopopt_stance : &hopopt_flight;
@@ -237,13 +261,21 @@ static inline void hopopt_torque(hopopt_tracker *s, hopopt_real t, const hopopt_
     for (int j = 0; j < n; j++) tau[j] = planned_tau[j];
     hopopt_add_at(tau, -HOPOPT_R(1.0), p, p->K, period, n, m, error);
     hopopt_spun(p, since, spun);
+    hopopt_real speeds[HOPOPT_JOINTS];
     for (int j = 0; j < n; j++) {
         s->q[j] = planned_q[j] + error[j];
-        s->v[j] = planned_v[j] + error[n + j];
-        tau[j] = hopopt_clamp(j, s->v[j], hopopt_needed(j, planned_v[j], tau[j], spun[j]));
-        s->given[j] = hopopt_passed(j, planned_v[j], tau[j], spun[j]);
-        s->extra[j] = s->given[j] - planned_tau[j];
+        speeds[j] = s->v[j] = planned_v[j] + error[n + j];
     }
+    hopopt_drive_speeds(speeds);
+    hopopt_drive_speeds(planned_v);
+    hopopt_drive_torques(tau);
+    for (int j = 0; j < n; j++) {
+        tau[j] = hopopt_clamp(j, speeds[j], hopopt_needed(j, planned_v[j], tau[j], spun[j]));
+        s->given[j] = hopopt_passed(j, planned_v[j], tau[j], spun[j]);
+    }
+    hopopt_joint_torques(tau);
+    hopopt_joint_torques(s->given);
+    for (int j = 0; j < n; j++) s->extra[j] = s->given[j] - planned_tau[j];
     memcpy(s->error, error, sizeof error);
     s->t = t;
     s->known = 1;

@@ -140,9 +140,10 @@ class Tables:
     def code(self) -> str:
         """Raises UsageError for gears whose law the C code does not have."""
         tracker = self.tracker
-        if tracker.drive.turning:
+        turning = tracker.drive.turning
+        if turning and not turning.leg.constant_ratios:
             raise UsageError(
-                "the tracker in C knows drives that turn as their joints do: leave out the joints' transmissions"
+                "the tracker in C knows couplings, and no ratio that changes with the angle: leave out such laws and five-bars"
             )
         if tracker.drive.gear.tabled:
             raise UsageError(
@@ -156,7 +157,7 @@ class Tables:
             "PLACES": self.places,
             "LINES": max(planes.shape[1] for planes in bounds.values()),
         }
-        sizes |= {"REPEATS": int(tracker.plan.repeats)}
+        sizes |= {"REPEATS": int(tracker.plan.repeats), "COUPLED": int(turning is not None)}
         at = {name: knots(tracker, name == STANCE, self.tolerance) for name in self.phases}
         for name, phase in self.phases.items():
             sizes |= {f"{name.upper()}_INTERVALS": len(phase.plan.t), f"{name.upper()}_KNOTS": len(at[name])}
@@ -174,6 +175,9 @@ class Tables:
         shared = {"places": plan.places, "weights": plan.barycentric, "rest": tracker.rest}
         shared |= {name: tracker.drive.numbers[name] for name in LAW} | {"rotor": tracker.drive.rotor}
         shared["power"] = np.minimum(tracker.drive.numbers["power"], UNBOUNDED)
+        if turning:
+            turns = turning.jacobian(tracker.rest)  # constant: of couplings alone
+            shared |= {"turns": turns, "asks": np.linalg.inv(turns.T), "gives": turns.T}
         lines += [_array(name, values) for name, values in shared.items()]
         for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
             joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()
