@@ -82,6 +82,7 @@ class CounterMovement(Force):
         self.light, self.weight = LIGHT * Scale.of(self.leg).force, weight(setting.robot.model)
         self.grip = GRIP * (1.0 if self.design.contact.friction is None else self.design.contact.friction)
         self._ways: dict[float, Way] = {}
+        self._heights: dict[bytes, float] = {}
         self.movement = self._best()
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
@@ -146,11 +147,14 @@ class CounterMovement(Force):
         return float(height + max(off.rising, 0.0) ** 2 / (2 * self.two_mass.g))
 
     def _cleared(self, off: LiftOff) -> float:
-        """How high the lowest point comes [m] as the leg is drawn up; the centre of mass, where it is not."""
+        """How high the lowest point comes [m] as the leg is drawn up; the centre of mass, where it is not. Many pushes end alike."""
         if self.drawing_up is None:
             return self._rise(off)
-        aim = self.drawing_up.aim(off)
-        return aim.height if aim else 0.0
+        alike = off.q.tobytes() + off.v.tobytes()
+        if alike not in self._heights:
+            aim = self.drawing_up.aim(off)
+            self._heights[alike] = aim.height if aim else 0.0
+        return self._heights[alike]
 
     def _room(self) -> float:
         """How far the leg may go down from the start on the plumb line [m]: joint limits, and heights above the ground."""
