@@ -10,7 +10,7 @@ import pytest
 from hopopt.cli.main import run
 from hopopt.comparison.compare import Comparison, compare
 from hopopt.comparison.ladder import CONTROL, Ladder, Rung, ladder, withheld
-from hopopt.comparison.losses import CostOfLosses, cost_of_losses, without_losses
+from hopopt.comparison.losses import Lifted, beyond_the_bound, lifted_in_turn
 from hopopt.control.strategies import find
 from hopopt.design import physical_parameters
 from hopopt.drivetrain.gear import gears_of
@@ -87,11 +87,11 @@ def test_where_no_pd_strategy_hops_the_comparison_stays(
 def test_the_staircase_is_drawn(tmp_path: Path) -> None:
     """A step for each rung, named beside it."""
     rungs = (Rung(CONTROL, 0.6, 0.02, 0.02, 0.02, True), Rung("more grip", 0.7, 0.1, 0.05, 0.15, False))
-    losses = CostOfLosses(0.61, 0.03, 0.75, 0.05, True)
-    figure = staircase(Ladder("force", 0.58, rungs, (("more grip",),), ((0.02, 0.1),), losses), "A leg")
+    beyond = (Lifted("drives without friction", 0.61, 0.03, 0.75, 0.05, True),)
+    figure = staircase(Ladder("force", 0.58, rungs, (("more grip",),), ((0.02, 0.1),), beyond), "A leg")
     figure.savefig(tmp_path / "why.png")
     (ax,) = figure.axes
-    named = ["force, simulated", CONTROL, "more grip", "drives that lose nothing"]
+    named = ["force, simulated", CONTROL, "more grip", "drives without friction"]
     assert [label.get_text() for label in ax.get_yticklabels()] == named
     assert any("+5.0 cm; force +3.0 cm" in text.get_text() for text in ax.texts)
     assert any("not verified" in text.get_text() for text in ax.texts)
@@ -103,26 +103,50 @@ def test_nothing_is_said_of_a_bound_that_was_not_verified(hop: Solution) -> None
         ladder(comparison)
 
 
-def test_a_problem_without_losses_is_the_lossless_one() -> None:
+def test_what_holds_both_down_is_lifted_in_turn_and_only_where_it_counts() -> None:
     lossy = load("paper", {"leg.gear.efficiency": 0.8, "leg.knee.gear.friction": 3.0, "supply.voltage": 48.0})
-    lossless = without_losses(lossy)
-    assert lossless is not None
-    assert lossless.leg.supply is None
-    assert gears_of(lossless.leg, physical_parameters(lossless.leg)).ideal
-    assert without_losses(lossless) is None
-    assert without_losses(load("paper")) is None
+    words, designs = zip(*lifted_in_turn(lossy), strict=True)
+    assert words == ("gears that pass on all torque", "drives without friction", "a supply that never sags")
+    teeth, friction, fed = (gears_of(d.leg, physical_parameters(d.leg)) for d in designs)
+    assert teeth.friction == pytest.approx([0.0, 3.0])
+    assert friction.ideal
+    assert fed.ideal
+    assert designs[1].leg.supply is not None
+    assert designs[2].leg.supply is None
+    assert not list(lifted_in_turn(designs[2]))
+    assert not list(lifted_in_turn(load("paper")))
+    machine = load("paper", {"simulation.gear_efficiency": 0.9})
+    assert [(w, d.simulation.gear_efficiency) for w, d in lifted_in_turn(machine)] == [(words[0], 1.0)]
 
 
 @pytest.mark.rarely
 def test_losses_cost_what_the_lossless_leg_has_more(hop: Solution, pd: HopFigures) -> None:
     """Of PD control and of the bound, each against its own hop with gears that lose nothing."""
-    lossy = load("paper", {"leg.gear.efficiency": 0.9})
+    lossy = load("paper", {"leg.gear.efficiency": 0.7})
     comparison = compare(lossy, ["force_tuck"], bound=solve(lossy, starts=1))
-    lost = cost_of_losses(comparison, "force_tuck", lambda text: None)
-    assert lost is not None
-    assert lost.verified
-    assert lost.bound_m == pytest.approx(hop.clearance, abs=1e-4)
-    assert lost.bound_loses_m == pytest.approx(hop.clearance - comparison.bound, abs=1e-4)
-    assert lost.strategy_m == pytest.approx(pd.clearance, abs=1e-9)
-    assert lost.strategy_loses_m == pytest.approx(pd.clearance - comparison.figures["force_tuck"].clearance, abs=1e-9)
-    assert lost.strategy_loses_m > 0.01
+    (lifted,) = beyond_the_bound(comparison, "force_tuck", lambda text: None)
+    assert lifted.verified
+    assert lifted.bound_m == pytest.approx(hop.clearance, abs=1e-4)
+    assert lifted.bound_gains_m == pytest.approx(hop.clearance - comparison.bound, abs=1e-4)
+    assert lifted.strategy_m == pytest.approx(pd.clearance, abs=1e-9)
+    assert lifted.strategy_gains_m == pytest.approx(pd.clearance - comparison.figures["force_tuck"].clearance, abs=1e-9)
+    assert lifted.strategy_gains_m > 0.01
+
+
+@pytest.mark.rarely
+def test_a_bound_whose_links_may_collide_is_that_without_shapes(hop: Solution, tmp_path: Path) -> None:
+    """A ball on the body, which counts for nothing else, where the foot is at the clearance."""
+    points = hop.sample(np.array([hop.end])).points
+    x, z = (points["foot"] - points["hip"])[0]
+    (tmp_path / "ball.toml").write_text(
+        'extends = "paper"\nname = "ball"\n[leg.shank]\nradius = 0.02\n[leg.body.shapes.ball]\n'
+        f"points = [[{x}, 0.0, {z}]]\nradius = 0.02\ncounts = false\n"
+    )
+    design = load(tmp_path / "ball.toml", {"hop.above_ground": ["hip", "knee", "foot"], "leg.lowest": "joints"})
+    comparison = compare(design, ["force_tuck"], bound=solve(design, starts=1))
+    (lifted,) = beyond_the_bound(comparison, "force_tuck", lambda text: None)
+    assert lifted.verified
+    assert lifted.lifts == "links that may collide"
+    assert lifted.bound_m == pytest.approx(hop.clearance, abs=1e-4)
+    assert lifted.bound_gains_m > 1e-3
+    assert lifted.strategy_gains_m == 0.0

@@ -16,7 +16,7 @@ import numpy as np
 
 from hopopt.comparison.compare import Comparison
 from hopopt.comparison.hops.hop_after_hop import HopsComparison
-from hopopt.comparison.losses import CostOfLosses, cost_of_losses
+from hopopt.comparison.losses import Lifted, beyond_the_bound
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import reach
@@ -75,7 +75,7 @@ class Ladder:
     rungs: verified optima with one more freedom each, in the first order
     orders: in which freedoms are lifted
     gains: of each order [m], that of better control first; each sums to the whole gap
-    losses: what those of gears and supply cost both, where there are any; of a hop from rest
+    beyond: what collisions and losses of drives cost both, rungs above the bound; of a hop from rest
     """
 
     strategy: str
@@ -83,7 +83,7 @@ class Ladder:
     rungs: tuple[Rung, ...]
     orders: tuple[tuple[str, ...], ...]
     gains: tuple[tuple[float, ...], ...]
-    losses: CostOfLosses | None = None
+    beyond: tuple[Lifted, ...] = ()
 
     def __repr__(self) -> str:
         rungs = ", ".join(f"{r.allows} {r.clearance_m:.3f} m" for r in self.rungs)
@@ -101,7 +101,7 @@ class Ladder:
             "ladder": [vars(rung) for rung in self.rungs],
             "ladder_from": {"strategy": self.strategy, "clearance_m": self.from_m},
             "ladder_orders": [{"allows": list(order), "gains_m": list(gains)} for order, gains in pairs],
-            "ladder_losses": None if self.losses is None else vars(self.losses),
+            "ladder_beyond": [vars(lifted) for lifted in self.beyond],
         }
 
 
@@ -130,8 +130,8 @@ def ladder(
     climbed = [solved.along(order) for order in chosen]
     clearances = [[figures.clearance, *(s.clearance for s in rungs)] for rungs in climbed]
     gains = tuple(tuple(map(float, np.diff(heights))) for heights in clearances)
-    losses = cost_of_losses(comparison, name, say) if isinstance(comparison, Comparison) else None
-    return Ladder(name, figures.clearance, tuple(_rungs(chosen, gains, climbed[0])), chosen, gains, losses)
+    beyond = beyond_the_bound(comparison, name, say) if isinstance(comparison, Comparison) else ()
+    return Ladder(name, figures.clearance, tuple(_rungs(chosen, gains, climbed[0])), chosen, gains, beyond)
 
 
 def _rungs(

@@ -1,14 +1,19 @@
-"""What the losses of gears and supply cost PD control, and what they cost the optimum: both once more without any."""
+"""What collisions and the losses of drives cost PD control, and what they cost the optimum: rungs above the bound.
 
-from collections.abc import Callable
+Neither PD control nor the optimum is free of them, so they are no freedoms that PD lacks. Each is lifted in turn, with those before it,
+for both. So the gap is told with and without them.
+"""
+
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from hopopt.comparison.compare import Comparison, Run
+from hopopt.comparison.compare import Comparison
 from hopopt.control.closed_loop import simulate
 from hopopt.design import Design, physical_parameters
-from hopopt.drivetrain.gear import ENTRIES, LOSSLESS, lossless_entries
+from hopopt.drivetrain.gear import ENTRIES, LOSSLESS, NO_LOAD, lossless_entries
 from hopopt.drivetrain.motor import own_voltage
 from hopopt.errors import NotSolvedError
+from hopopt.leg.geometry.solids import has_shape
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.from_known import solved_from_known
@@ -16,49 +21,69 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.problem.load import changed
 
+TEETH, RUBBING = ("efficiency",), ("friction", "damping", NO_LOAD)  # entries of drives, by what takes the torque
+
 
 @dataclass(frozen=True)
-class CostOfLosses:
-    """Clearances [m] of a PD strategy and of the optimum with gears that lose nothing and a supply that never sags, and
-    how much lower each is with them [m]; whether that optimum is verified."""
+class Lifted:
+    """Something that holds down PD control and the optimum alike, lifted together with those before it.
 
+    lifts: what, in words
+    strategy_m: clearance of the PD strategy without it [m]; strategy_gains_m: by how much that is higher [m]
+    bound_m: clearance of the optimum without it [m]; bound_gains_m: by how much that is higher [m]
+    verified: whether that optimum is
+    """
+
+    lifts: str
     strategy_m: float
-    strategy_loses_m: float
+    strategy_gains_m: float
     bound_m: float
-    bound_loses_m: float
+    bound_gains_m: float
     verified: bool
 
 
-def without_losses(design: Design) -> Design | None:
-    """The problem with gears that lose nothing and a supply that never sags; None if it is such a problem."""
-    machine = {f"simulation.gear_{name}": value for name, value in zip(ENTRIES, LOSSLESS, strict=True)}
-    entries = lossless_entries(physical_parameters(design.leg))
-    rubs = any(getattr(design.simulation, path.rpartition(".")[2]) != value for path, value in machine.items())
-    if not (entries or rubs or design.leg.supply):
-        return None
-    lossless = changed(design, {**entries, **machine, **own_voltage(design.leg)})
-    return lossless.model_copy(update={"leg": lossless.leg.model_copy(update={"supply": None})})
+def lifted_in_turn(design: Design) -> Iterator[tuple[str, Design]]:
+    """What holds both down, in words, and the problem without it and those before it; only what counts in this problem."""
+    if has_shape(design.leg) and not design.hop.may_collide:
+        design = changed(design, {"hop.may_collide": True})
+        yield "links that may collide", design
+    for words, names in (("gears that pass on all torque", TEETH), ("drives without friction", RUBBING)):
+        if entries := _lossless(design, names):
+            design = changed(design, entries)
+            yield words, design
+    if design.leg.supply:
+        fed = changed(design, own_voltage(design.leg))
+        yield "a supply that never sags", fed.model_copy(update={"leg": fed.leg.model_copy(update={"supply": None})})
 
 
-def cost_of_losses(comparison: Comparison, name: str, say: Callable[[str], None]) -> CostOfLosses | None:
-    """What losses cost the strategy of this name and the bound; None where nothing is lost."""
-    bound, design = comparison.solution, without_losses(comparison.solution.design)
-    if design is None:
-        return None
-    run: Run = comparison.runs[name]
-    say("ladder: the optimum and PD control without losses of gears and supply")
-    pd = simulate(design, run.strategy).figures.clearance
-    try:
-        found = _bound(design, bound, say)
-    except NotSolvedError as error:  # all else of the ladder is there
-        say(f"ladder: no optimum without losses: {error}")
-        return None
-    with_losses = run.figures.clearance
-    return CostOfLosses(pd, pd - with_losses, found.clearance, found.clearance - bound.clearance, found.verified)
+def _lossless(design: Design, names: tuple[str, ...]) -> dict[str, float]:
+    """Entries of the problem with which these of its drives, and of its simulated machine, lose nothing; empty where they do not."""
+    own = lossless_entries(physical_parameters(design.leg))
+    found = {path: value for path, value in own.items() if path.rpartition(".")[2] in names}
+    machine = ((f"gear_{name}", value) for name, value in zip(ENTRIES, LOSSLESS, strict=True) if name in names)
+    rubs = {f"simulation.{name}": value for name, value in machine if getattr(design.simulation, name) != value}
+    return found | rubs
+
+
+def beyond_the_bound(comparison: Comparison, name: str, say: Callable[[str], None]) -> tuple[Lifted, ...]:
+    """What each of these costs the strategy of this name and the bound; up to the first whose optimum is not found."""
+    pd, bound, found = comparison.runs[name].figures.clearance, comparison.solution, list[Lifted]()
+    for words, design in lifted_in_turn(bound.design):
+        say(f"ladder: the optimum and PD control with {words}")
+        reached = simulate(design, comparison.runs[name].strategy).figures.clearance
+        try:
+            best = _bound(design, bound, say)
+        except NotSolvedError as error:  # all else of the ladder is there
+            say(f"ladder: no optimum with {words}: {error}")
+            break
+        gains = reached - pd, best.clearance - bound.clearance
+        found.append(Lifted(words, reached, gains[0], best.clearance, gains[1], best.verified))
+        pd, bound = reached, best
+    return tuple(found)
 
 
 def _bound(design: Design, known: Solution, say: Callable[[str], None]) -> Solution:
-    """The optimum of a problem that loses nothing; no lower than what the hop that is known leads to."""
+    """The optimum of a problem without it; no lower than what the hop that is known leads to."""
     found = solve(design, progress=say)
     if found.clearance >= known.clearance:
         return found

@@ -195,12 +195,21 @@ def ladder(found: Mapping[str, Any]) -> Iterator[Shown]:
         f"orders: the least and the most that a freedom gains in {len(found['ladder_orders'])} orders of lifting "
         "them; the gains of each sum to the whole gap"
     )
-    if lost := found.get("ladder_losses"):
-        doubt = "" if lost["verified"] else ", not verified"
-        yield (
-            f"without losses of gears and supply: {start['strategy']} {lost['strategy_m']:.3f} m "
-            f"({cm(lost['strategy_loses_m'])} cm), the bound {lost['bound_m']:.3f} m ({cm(lost['bound_loses_m'])} cm{doubt})"
-        )
+    if beyond := found.get("ladder_beyond"):
+        yield from _beyond(start, beyond)
+
+
+def _beyond(start: Mapping[str, Any], beyond: Sequence[Mapping[str, Any]]) -> Iterator[Shown]:
+    """What holds down PD control and the bound alike, each lifted with those before it, and the gap without all of it."""
+    name, rows = start["strategy"], []
+    for lifted in beyond:
+        doubt = "" if lifted["verified"] else "not verified"
+        bound = f"{lifted['bound_m']:.3f}", cm(lifted["bound_gains_m"])
+        rows.append([lifted["lifts"], *bound, f"{lifted['strategy_m']:.3f}", cm(lifted["strategy_gains_m"]), doubt])
+    heads = ("bound\nm", "gain\ncm", f"{name}\nm", "gain\ncm", "")
+    yield table([named("beyond the bound"), *figures(*heads)], rows, between=(0, 1))
+    gap = beyond[-1]["bound_m"] - beyond[-1]["strategy_m"]
+    yield f"what holds down both, each lifted with those above it; without all of it the gap is {100 * gap:.1f} cm"
 
 
 def cm(gap: float) -> str:

@@ -13,8 +13,8 @@ WHISKER = 1e-4  # of the bound: gains of other orders that differ by less are on
 
 def staircase(found: Ladder, title: str) -> Figure:
     """Clearances [cm] of the rungs, from PD at the top to the bound; the whisker of a step: its gain over all orders. Below,
-    how much higher the bound is without losses, where there are any."""
-    rows = len(found.rungs) + 1 + (found.losses is not None)
+    how much higher the bound is without collisions and losses, where there are any."""
+    rows = len(found.rungs) + 1 + len(found.beyond)
     figure = new_figure(f"{title}: what PD control lacks", (11.0, 2.4 + 0.55 * (rows + 1)))
     ax = figure.subplots()
     ax.barh(0, CM * found.from_m, 0.7, color=PALE)
@@ -36,23 +36,18 @@ def staircase(found: Ladder, title: str) -> Figure:
         names.append(rung.allows)
     ax.text(CM * found.from_m, 0, f"  {CM * found.from_m:.1f} cm", fontsize=SMALL, va="center")
     high = CM * max(rung.clearance_m - rung.gain_m + rung.most_gain_m for rung in found.rungs)
-    if found.losses is not None:
-        more, pd = CM * found.losses.bound_loses_m, CM * found.losses.strategy_loses_m
-        ax.barh(rows - 1, more, 0.7, left=CM * end, color=PALE)
-        ax.text(
-            CM * end + max(more, 0.0),
-            rows - 1,
-            f"  {more:+.1f} cm; {found.strategy} {pd:+.1f} cm",
-            fontsize=SMALL,
-            va="center",
-        )
-        names.append("drives that lose nothing")
-        high = max(high, CM * end + more)
+    above = end
+    for row, lifted in enumerate(found.beyond, start=1 + len(found.rungs)):
+        ax.barh(row, CM * lifted.bound_gains_m, 0.7, left=CM * above, color=PALE)
+        words = f"  {CM * lifted.bound_gains_m:+.1f} cm; {found.strategy} {CM * lifted.strategy_gains_m:+.1f} cm"
+        ax.text(CM * max(above, lifted.bound_m), row, words, fontsize=SMALL, va="center")
+        names.append(lifted.lifts)
+        above, high = lifted.bound_m, max(high, CM * lifted.bound_m)
     room = 0.18 * (high - low) + LEAST_AXIS * CM * end
     ax.axvline(CM * end, color=BLACK, lw=1.2)
     ax.text(CM * end, -0.62, f"bound {CM * end:.1f} cm ", fontsize=TEXT, ha="right", va="center")
     ax.set_yticks(range(rows), names, fontsize=TEXT)
-    ax.set(xlim=(low - room, high + 2 * room), ylim=(rows - 0.5, -1.0))
+    ax.set(xlim=(low - room, high + (4 if found.beyond else 2) * room), ylim=(rows - 0.5, -1.0))
     describe(ax, "clearance [cm]; black: the same gain in other orders", "")
     ax.grid(False, axis="y")
     return figure
