@@ -23,17 +23,20 @@ FIRST = (  # files of over ten seconds: two workers end together; the first two 
     "api/test_interface.py", "sim/test_rough_ground.py", "plots/test_runs.py", "control/test_tracking.py",
 )  # fmt: skip
 FOLDER = "HOPOPT_TESTS_ONCE"  # of once.py, which imports what the controller of pytest-xdist does not need
+MADE = pytest.StashKey[str]()  # the folder, where this run made it and removes it
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if not hasattr(config, "workerinput"):  # workers of pytest-xdist find it in their environment
-        os.environ[FOLDER] = mkdtemp(prefix="hopopt-tests-")
+        if not os.environ.get(FOLDER):  # .ci/run gives one that its two suites share
+            os.environ[FOLDER] = config.stash[MADE] = mkdtemp(prefix="hopopt-tests-")
         config.option.loadscopereorder = False  # of pytest-xdist, which would take files of many short tests first
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    if not hasattr(config, "workerinput"):
-        shutil.rmtree(os.environ.pop(FOLDER, ""), ignore_errors=True)
+    if made := config.stash.get(MADE, None):
+        del os.environ[FOLDER]
+        shutil.rmtree(made, ignore_errors=True)
 
 
 @pytest.hookimpl(tryfirst=True)
