@@ -1,7 +1,5 @@
 """Legs that differ in size alone: what they are asked for differs by what its estimate says, and no more."""
 
-from functools import cache
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -12,28 +10,17 @@ from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from once import solved_once
 from similar_legs import POWERS, similar
 
 SIZES = (0.25, 3.0)  # times the paper's leg
 CLEARANCE = 0.4  # m, of the paper's leg
-SLOW = ("apex", "time", "saturation", "peak_torque", "electrical_energy", "impact", "energy", "absolute_work")
-LONGER = (
-    "energy",
-    "absolute_work",
-    "electrical_energy",
-    "time",
-    "saturation",
-)  # by half a minute and more, on finer meshes
-QUICK = (("clearance", 3.0), ("clearance", 0.25), ("peak_force", 3.0))
-ASKED = [
-    pytest.param(
-        name, size,
-        marks=[pytest.mark.slow] * ((name, size) not in QUICK)
-        + [pytest.mark.rarely] * ((name in SLOW and size < 1) or name in LONGER),
-    )
-    for name in ("clearance", "peak_force", *SLOW) for size in SIZES
+OTHERS = ("apex", "time", "saturation", "peak_torque", "electrical_energy", "impact", "energy", "absolute_work")
+AT_EACH_CHANGE = (("clearance", 3.0), ("clearance", 0.25), ("peak_force", 3.0))
+ASKED = [  # what the rest finds beyond these and the quick tests of programs: what depends on size in how one objective is refined
+    pytest.param(name, size, marks=[pytest.mark.rarely] * ((name, size) not in AT_EACH_CHANGE))
+    for name in ("clearance", "peak_force", *OTHERS) for size in SIZES
 ]  # fmt: skip
 
 
@@ -48,10 +35,9 @@ def entries(size: float) -> dict[str, object]:
     }
 
 
-@cache
 def best(objective: str, size: float) -> Solution:
     """The optimum from one start."""
-    return solve(load("paper", entries(size)), objective, starts=1, processes=1)
+    return solved_once(entries(size), objective)
 
 
 @pytest.mark.parametrize("size", SIZES)
