@@ -17,7 +17,7 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.netcdf import Group, to_bytes
 
-FOLDER = "HOPOPT_TESTS_ONCE"  # environment variable: the folder of this run, or of runs of the same sources and packages
+FOLDER = "HOPOPT_TESTS_ONCE"  # environment variable: the folder of this run, or of runs of the same sources
 T = TypeVar("T")
 
 
