@@ -341,10 +341,18 @@ KINKS = {  # caps of the gear and of the drive that are the same torque at the j
     "long shank": ["leg.shank.length=0.45", "start.hip_height=0.4", *TWO_CAPS],
     "nearly": ["leg.gear.torque_cap=120.001", "leg.motor.torque_cap=1.2"],
 }  # fmt: skip
-FEW = ("hip",)
+QUICK = ("hip",)
+ALIKE = (
+    "both joints",
+    "knee",
+    "other ratio",
+    "heavy",
+    "long shank",
+)  # only a share that fits one leg alone fails there
+MARKS = {name: pytest.mark.rarely if name in ALIKE else pytest.mark.slow for name in KINKS if name not in QUICK}
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in FEW else pytest.mark.slow) for n in KINKS])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=MARKS.get(name, ())) for name in KINKS])
 def test_both_sides_of_a_kink_against_solved_optima(name: str) -> None:
     """Every entry that more and less of differ, each way, within 1 %."""
     mesh = ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
