@@ -129,8 +129,9 @@ def together(*each: Widen) -> Widen:
     return widen
 
 
+NO_FRICTION_LIMIT = Relaxation("no friction limit", (Kind.FRICTION,), friction_cone)
 QUICK = (
-    Relaxation("no friction limit", (Kind.FRICTION,), friction_cone),
+    NO_FRICTION_LIMIT,
     Relaxation("wider joint range", (), joint_range),
     Relaxation("no ground for joints", (Kind.HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
     Relaxation("no losses", numbers=no_losses),
@@ -186,7 +187,7 @@ def _tightened(hop: Hop, asked: NlpSolver, relaxed: NlpSolver, relaxation: Relax
     return noted(asked, outcome) if asked.stopped else outcome
 
 
-def asked_from(hop: Hop, watch: KnownOptima, until: Deadline) -> NlpSolver:
+def asked_from(hop: Hop, watch: KnownOptima | None, until: Deadline) -> NlpSolver:
     """The program that was asked, to be solved from the optimum of a changed one and its multipliers."""
     return NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch, until)
 
