@@ -192,6 +192,7 @@ class Element {
   constructor(dataset = {}, inner = {}) { this.dataset = dataset; this.inner = inner; this.attributes = {}; }
   setAttribute(name, value) { this.attributes[name] = value; }
   querySelector(name) { return this.inner[name]; }
+  querySelectorAll(name) { return this.inner[name] ?? []; }
   addEventListener(kind, f) { (listeners[this.id] ??= {})[kind] = f; }
 }
 const named = (id, more) => Object.assign(new Element(), { id }, more);
