@@ -17,9 +17,11 @@ from hopopt.errors import UsageError
 from hopopt.export.plan import gains_of, samples_at_control_rate, to_csv, to_json, to_ros2, tracker_of
 from hopopt.export.tracker_c import to_c
 from hopopt.leg.robot import BASE
+from hopopt.planner.checks.smooth_plan import smooth_plan
 from hopopt.planner.reserve import TrackedPlan
 from hopopt.planner.solution import Solution
 from hopopt.storage.solution import save
+from hopopt.verify.check import failed
 from hopopt.verify.table import NORMALISED_TIMES
 from once import solved_once
 from stored_results import robust_hop
@@ -196,3 +198,37 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(
     assert cli.run(["export", *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+# ---- a smooth plan -------------------------------------------------------------------------------------------
+
+
+def test_a_smooth_plan_is_as_good_and_its_torques_vary_less(
+    hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the paper's leg the knee quivers at the edge of its operating region. The stored hop stays as it is."""
+    monkeypatch.chdir(tmp_path)
+    saved = save(_slow(hop), tmp_path / "results")
+    folder, found = str(saved.result_dir), smooth_plan(saved)
+    before, after = found.variation
+    assert after.sum() < 0.9 * before.sum()
+    assert abs(hop.clearance - found.claims["clearance_m"]) <= 1e-5
+    assert not failed(list(found.checks))
+    assert {c.name for c in found.checks} >= {
+        "stance replay",
+        "flight replay",
+        "simulated in one piece",
+        "claimed height",
+    }
+    assert cli.run(["export", folder, "--format", "json", "--smooth", "-o", "smooth.json"]) == 0
+    assert re.search(r"knee by 1\d\d\d in place of 1\d\d\d N m; clearance 0.79935\d* in place", capsys.readouterr().err)
+    written = json.loads((tmp_path / "smooth.json").read_text())
+    assert written["clearance_m"] == found.claims["clearance_m"]
+    torques = found.motion.sample(written["columns"]["t"]).command[:, 1]
+    np.testing.assert_allclose(written["columns"]["tau_knee"], torques, rtol=1e-9, atol=1e-9)
+    assert cli.run(["verify", folder]) == 0
+
+
+def test_smooth_is_for_a_solved_hop_in_a_form(capsys: pytest.CaptureFixture) -> None:
+    assert cli.run(["export", "paper", "--urdf", "leg.urdf", "--smooth"]) == 2
+    assert "--smooth is for a planned hop: say in which form" in capsys.readouterr().err

@@ -1,0 +1,96 @@
+"""A plan as good as a solved hop, but smoother in torque: what a robot is given of it.
+
+The hop itself stays the answer, with its certificate, its multipliers and its error. The plan is another point of the same program
+(nlp/refinement/smoothing.py), and is verified by its own table and by its own simulation in one piece.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from hopopt.drivetrain.motor import stall_torque
+from hopopt.errors import NotSolvedError
+from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.refinement.smoothing import Quantities, smoothed
+from hopopt.ocp.drives import motor_torques
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.phases import FLIGHT, ON_GROUND, STANCE
+from hopopt.ocp.problem import Instant
+from hopopt.optimality.error_estimate import objective_error
+from hopopt.planner.attempts import EXCESS_MARGIN
+from hopopt.planner.checks.judge import plan_checks, stated_error
+from hopopt.planner.motion import Motion
+from hopopt.planner.refine_and_verify import stated_figure
+from hopopt.planner.solution import Solution, hop_of, stored_nlp
+from hopopt.verify.check import LIMIT, Check, failed
+
+LOST = 1e-5  # share of the objective that smoothness may cost, and of a height this at most [m]
+EVERYWHERE = np.linspace(0.0, 1.0, 17)  # normalised times at which torques are added up
+
+
+@dataclass(frozen=True)
+class SmoothPlan:
+    """A plan that is smoother in torque than the hop it was made from.
+
+    motion: the plan
+    claims: what is stated of it, by name [the name's unit]
+    checks: of its table, and of its simulation in one piece; all passed
+    value: its objective [the objective's unit]
+    lost: by how much that is worse than the hop's [the same]
+    variation: total variation of each joint's motor torque, of the hop and of the plan, (2, n) [N m]
+    """
+
+    motion: Motion
+    claims: Mapping[str, float]
+    checks: tuple[Check, ...]
+    value: float
+    lost: float
+    variation: np.ndarray
+
+
+def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
+    """A plan that loses at most LOST of a solved hop's objective and whose torques vary less; NotSolvedError, with what failed,
+    where there is none."""
+    hop = hop_of(solution)
+    settled, goal = stored_nlp(solution, hop.problem), hop.objective
+    most = LOST * settled.magnitude
+    most = min(most, LOST) if goal.unit == "m" else most
+    found = smoothed(settled, torque_shares(hop), most, EXCESS_MARGIN * LIMIT, until)
+    if found is None:
+        raise NotSolvedError(f"{_named(solution)}: no smoother plan was found: its program was not solved", [])
+    stated = stated_figure(hop, found)
+    plan = replace(Motion(hop.design, goal.name, found.phases, stated=stated), own=solution.own)
+    claims = {**plan.claims(), **stated}
+    rollout, _ = stated_error(plan, found, goal, objective_error(found), claims)
+    checks = (*plan_checks(plan, goal, hop.own, claims), *rollout)
+    value = claims[goal.figure]
+    lost = goal.sign * (solution.summary.objective_value - value)
+    variation = np.array([total_variation(solution), total_variation(plan)])
+    wrong = [f"{c.name}: {c.residual:.1e} for {c.tolerance:.0e} {c.unit}" for c in failed(list(checks))]
+    if lost > most:
+        wrong.append(f"the objective: {lost:.1e} {goal.unit} worse, {most:.1e} are allowed")
+    if wrong:
+        raise NotSolvedError(f"{_named(solution)}: the smoother plan is not as good", wrong)
+    return SmoothPlan(plan, claims, checks, value, lost, variation)
+
+
+def torque_shares(hop: Hop) -> Quantities:
+    """Torques of the motors as shares of their stall torques, in any phase of the hop."""
+
+    def shares(phase: str, s: Instant) -> ca.SX:
+        motion = hop.motion_in(STANCE if phase in ON_GROUND else FLIGHT)
+        return motor_torques(hop, motion)(s) / ca.vertcat(*[stall_torque(hop.leg, j, s.p) for j in hop.leg.joints])
+
+    return shares
+
+
+def total_variation(motion: Motion) -> np.ndarray:
+    """Sum of all changes of each joint's motor torque, jumps between intervals and phases included, (n,) [N m]."""
+    torque = np.concatenate([motion.everywhere(name, EVERYWHERE).command for name in motion.phases])
+    return np.abs(np.diff(torque, axis=0)).sum(axis=0)
+
+
+def _named(solution: Solution) -> str:
+    return str(solution.result_dir or solution.design.name)
