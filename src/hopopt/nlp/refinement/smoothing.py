@@ -11,7 +11,8 @@ counts as a slope over a JUMP-th of the interval.
 
 The settled program is solved again with epsilon times Q added to its cost: Q = 1/2 sum of w d^2 with weights w = phi'(d) / d of
 the last solution lies above Phi and touches it there (iteratively reweighted least squares). What is best for the sum cannot
-have lost more than epsilon Q of the last solution. So epsilon is what may be lost, over that Q.
+have lost more than epsilon Q of the last solution. So epsilon is what may be lost, over that Q. Where a limit is passed between
+the nodes, it is enforced or tightened there, and the program solved again.
 """
 
 from collections.abc import Callable
@@ -41,6 +42,7 @@ from hopopt.ocp.problem import Instant, stack, symbols
 STEEP = 10.0  # slope per duration: what changes by its whole size in a tenth of the hop or faster is a jump
 JUMP = 20  # parts of an interval: over one of them a jump is a slope
 SOLVES, MOST_SOLVES = 2, 4  # each with the weights of the one before; more where limits are passed between the nodes
+SHARE = 0.1  # of the allowance that a solve may lose: with all of it solo12_leg is not solved; of that again where one is not
 LEAST = 1e-12  # Q of what is smooth already
 OPTIONS = WAYS[0] | {"ipopt.max_iter": 100}
 Quantities = Callable[
@@ -150,23 +152,27 @@ def smoothed(
     excess: by how much limits may be passed between the nodes, scaled
     """
     slopes, last = Slopes.of(solution, quantities), solution
-    chosen, bounds = enforced_in(solution), None
-    for k in range(MOST_SOLVES):
+    chosen, bounds, share, solves = enforced_in(solution), None, SHARE, 0
+    for _ in range(MOST_SOLVES):
         weight, Q = slopes.weighted(last)
         t = copy(solution.transcription)
-        t.program = slopes.added_to(t.program, weight * allowance / max(Q, LEAST))
+        t.program = slopes.added_to(t.program, weight * share * allowance / max(Q, LEAST))
         enforced = enforcing(t, chosen)
         bounds = bounds or _settled_bounds(solution, enforced)
         begin = replace(last, lam_g=enforced.multipliers(last.lam_g))
         again = NlpSolver(enforced.transcription, OPTIONS, until=until).again(begin, bounds)
         if not again.success:
-            return None
+            share *= SHARE
+            continue
+        solves += 1
         last = enforced.at_nodes(again)
         errors = {name: interval_errors(last, name) for name in last.phases}
         if max(float(e.excess.max()) for e in errors.values()) > excess:
             chosen, bounds = _stricter(last, errors, chosen, bounds, excess)
-        elif k + 1 >= SOLVES:
-            return _without_roughness(last, solution.transcription)
+        elif solves >= SOLVES:
+            found = _without_roughness(last, solution.transcription)
+            lost = found.transcription.problem.objective.cost(found.objective - solution.objective)
+            return found if lost <= allowance else None  # limits that were tightened may cost more
     return None
 
 
