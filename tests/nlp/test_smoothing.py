@@ -15,7 +15,6 @@ from hopopt.ocp.problem import Control, Ends, Instant, Objective, Phase, Problem
 
 SMALL = 0.01  # what a force counts as: its slopes then count by their squares
 ALLOWANCE, EXCESS = 5e-5, 5e-5
-TEETH = np.random.default_rng(3)
 
 
 def pushed_and_carried() -> Problem:
@@ -43,7 +42,7 @@ def pushed_and_carried() -> Problem:
 def solved() -> NlpSolution:
     """From a guess with teeth, which the solver has no reason to take out."""
     t = Transcription(pushed_and_carried(), radau(3), {"way": uniform(20)})
-    teeth = np.column_stack([np.full(61, 0.5), TEETH.uniform(-10, 10, 61)])
+    teeth = np.column_stack([np.full(61, 0.5), np.random.default_rng(3).uniform(-10, 10, 61)])
     found = NlpSolver(t)({"way": Guess(1.0, np.linspace(0, 1, 61), np.zeros((61, 4)), teeth)})
     assert found.success
     return found
