@@ -59,7 +59,7 @@ def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
     most = min(most, LOST) if goal.unit == "m" else most
     found = smoothed(settled, torque_shares(hop), most, EXCESS_MARGIN * LIMIT, until)
     if found is None:
-        raise NotSolvedError(f"{_named(solution)}: no smoother plan was found: its program was not solved", [])
+        raise NotSolvedError(f"{_named(solution)}: no smoother plan was found: take the hop as it is", [])
     stated = stated_figure(hop, found)
     plan = replace(Motion(hop.design, goal.name, found.phases, stated=stated), own=solution.own)
     claims = {**plan.claims(), **stated}
@@ -72,7 +72,7 @@ def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
     if lost > most:
         wrong.append(f"the objective: {lost:.1e} {goal.unit} worse, {most:.1e} are allowed")
     if wrong:
-        raise NotSolvedError(f"{_named(solution)}: the smoother plan is not as good", wrong)
+        raise NotSolvedError(f"{_named(solution)}: the smoother plan is not as good: take the hop as it is", wrong)
     return SmoothPlan(plan, claims, checks, value, lost, variation)
 
 
