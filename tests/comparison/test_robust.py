@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -124,7 +125,7 @@ def test_cranks_and_rods_weigh_more_or_less_each_by_itself() -> None:
     design = load("paper", {"leg.knee.transmission.five_bar": links | {"rod_inertia": 0.004}})
     spread = Uncertainty(mass=0.1)
     legs, plain = (drawn(each, spread, 50, 3) for each in (design, load("paper")))
-    found = [p.leg.leg.joint["knee"].transmission.five_bar for p in legs]  # type: ignore[union-attr]
+    found: list[Any] = [p.leg.leg.joint["knee"].transmission.five_bar for p in legs]  # type: ignore[union-attr]
     masses = np.array([(each.crank_mass / 0.1, each.rod_mass / 0.2, each.rod_inertia / 0.004) for each in found])
     np.testing.assert_allclose(masses[:, 1], masses[:, 2], rtol=1e-12)
     assert np.all(np.abs(masses - 1) <= 0.1)
