@@ -321,6 +321,25 @@ def test_what_a_fixed_joint_hangs_on_the_body_is_the_body(tmp_path: Path) -> Non
     assert lowest == pytest.approx(-0.06, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("kind", "body"), [("prismatic", {"trunk"}), ("floating", {"trunk"}), ("fixed", {"trunk", "world"})]
+)
+def test_what_the_body_is_not_fixed_to_is_no_body(tmp_path: Path, kind: str, body: set[str]) -> None:
+    """A test stand: the trunk slides or floats in a world with rail and floor, or is fixed to it; the rail is no body's lowest."""
+    box = '<collision><origin xyz="0 0 {}"/><geometry><box size="0.1 0.1 0.02"/></geometry></collision>'
+    fixed = "".join(
+        f'<joint name="to_{name}" type="fixed"><parent link="world"/><child link="{name}"/><origin xyz="0 0 -0.6"/></joint>'
+        f'<link name="{name}">{box.format(0)}</link>'
+        for name in ("rail", "floor")
+    )
+    stand = f'<link name="world">{box.format(0.3)}</link><joint name="stand" type="{kind}"><parent link="world"/><child link="trunk"/><axis xyz="0 0 1"/></joint>'
+    trunk = ROBOT.replace("</inertial></link>", f"</inertial>{box.format(0)}</link>", 1)
+    leg = robot(tmp_path, trunk.replace("</robot>", stand + fixed + "</robot>")).leg
+    shapes = leg.body.shapes or {}
+    assert {name for name, shape in shapes.items() if shape.counts} == body
+    assert bool({"rail", "floor"} & shapes.keys()) == (kind == "fixed")  # held with the body, they are beside it
+
+
 def errs(design: Design, count: int) -> None:
     """The smooth distances err at random angles by no more than they state, where they are from 0 to NEAR."""
     found = clearances(design)

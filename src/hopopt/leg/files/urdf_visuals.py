@@ -23,8 +23,8 @@ class Visual:
     """A mesh, or a simple body, of a leg.
 
     link: of the URDF. joint: number of the joint that moves it, from the body down, or BODY.
-    own: whether it is of the very link that the joint moves, or of a link from the root to the first joint; else it is of
-    what is fixed to that link, or of another limb.
+    own: whether it is of the very link that the joint moves, or of a link from the root to the first joint; of what collides
+    also of what fixed joints hang on these. Else it is of what is fixed to a moving link, or of another limb.
     rotation (3, 3), position (3) [m]: in the joint's frame, whose axes are the robot's with all angles zero; of the
     body from the first joint.
     file: the mesh where it lies on disk; None of a simple body, or of a mesh that is not there; named: what the URDF calls it.
@@ -54,7 +54,8 @@ def visuals(
     """How the moving links look, what is fixed to them, and the links from the root to the first joint; no other limbs.
 
     raw: the URDF. folder: where it lies, for its meshes. joints, foot, locked: as ``read_leg`` takes them.
-    what: "visual", or "collision" for what collides, of all limbs: what cannot be read then is refused, not left out.
+    what: "visual", or "collision" for what collides, of all limbs: what cannot be read then is refused, not left out. What
+    stands beyond a joint on which the body slides or floats is no part of the robot then: a test stand, a floor.
     within: the folder in which meshes have to lie, if they have to.
     Raises UrdfError.
     """
@@ -65,9 +66,14 @@ def visuals(
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     order = [model.getJointId(name) for name in chain]
     hip, found = data.oMi[order[0]].translation, list[Visual]()
-    above = set(_links_above(tree, chain[0]))
-    above |= _fixed_to(tree, above) if what == "collision" else set()
+    above, robot = set(_links_above(tree, chain[0])), set(tree.links)
+    if what == "collision":
+        held = list(_held(tree, chain[0], locked))
+        above = _fixed_to(tree, set(_without_world(tree, held))) | set(held)
+        robot = {name for name in robot if name in held or held[-1] in _links_over(tree, name)}
     for name, link in tree.links.items():
+        if name not in robot:
+            continue
         frame = model.frames[link_frame(model, name)]
         joint = order.index(frame.parentJoint) if frame.parentJoint in order else BODY
         if joint == BODY and name not in above and what == "visual":
@@ -98,10 +104,36 @@ def _fixed_to(tree: Tree, links: set[str]) -> set[str]:
     return found
 
 
+def _held(tree: Tree, joint: str, locked: Mapping[str, float]) -> Iterator[str]:
+    """The links from a joint up to the root, or to the last below a joint on which the robot slides or floats."""
+    for link in _links_above(tree, joint):
+        yield link
+        over = tree.above.get(link)
+        if over and over not in locked and tree.joints[over].get("type") in ("prismatic", "floating"):
+            return
+
+
+def _without_world(tree: Tree, held: Sequence[str]) -> Sequence[str]:
+    """These links without a root of no mass to which the next is fixed, with all that moves: a world, on which hangs what is no
+    body."""
+    *others, last = held
+    mass = tree.links[last].find("inertial/mass")
+    if not others or last in tree.above or (mass is not None and float(mass.get("value", "0")) > 0):
+        return held
+    moved = [tree.ends(name)[1] for name in tree.movable]
+    fixed = tree.joints[tree.above[others[-1]]].get("type") == "fixed"
+    return others if fixed and all(others[-1] in _links_over(tree, link) for link in moved) else held
+
+
 def _links_above(tree: Tree, joint: str) -> Iterator[str]:
     """The links from a joint up to the root."""
     link = tree.ends(joint)[0]
     yield link
+    yield from _links_over(tree, link)
+
+
+def _links_over(tree: Tree, link: str) -> Iterator[str]:
+    """The links above a link up to the root."""
     while link in tree.above:
         link = tree.ends(tree.above[link])[0]
         yield link
