@@ -4,6 +4,7 @@ import pytest
 
 from hopopt import load
 from hopopt.errors import UsageError
+from hopopt.live.bench import Bench
 from hopopt.live.sliders import COUNT, SUPPLY, added_mass, most_rewarding, named, places_of_parts
 from hopopt.problem.catalogue import catalogue
 
@@ -19,6 +20,16 @@ def test_a_range_goes_from_half_to_twice_the_value_or_as_it_is_given() -> None:
     assert intervals.checked(20.4) == 20
 
 
+def test_a_value_of_a_list_begins_where_the_problem_has_it() -> None:
+    table = {"angle": [-2.4, -1.3, -0.15], "ratio": [1.2, 1.0, 0.8]}
+    design, path = load("paper", {"leg.knee.transmission.table": table}), "leg.knee.transmission.table.ratio"
+    middle, last = named(design, [f"{path}[1]=0.9:1.1", f"{path}[2]"])
+    assert (middle.low, middle.value, middle.high) == (0.9, 1.0, 1.1)
+    assert (last.low, last.value, last.high) == (0.4, 0.8, 1.6)
+    assert middle.unit == "1"
+    assert Bench(design, "clearance", [f"{path}[1]=0.9:1.1"]).design == design
+
+
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
@@ -27,6 +38,8 @@ def test_a_range_goes_from_half_to_twice_the_value_or_as_it_is_given() -> None:
         (["contact.friction"], "give its range"),
         (["start.foot_x"], "it is 0, so give its range"),
         (["leg.gear.ratio=2:1"], "the lower first"),
+        (["hop.stance_duration[2]"], "no such value"),
+        (["hop.stance_duration[a]"], "write a value of a list"),
         (["title"], "cannot be varied"),
         (["leg.gear.ratio=a:b"], "not a number"),
     ],

@@ -55,6 +55,18 @@ def test_a_value_of_a_list() -> None:
     assert study.design_at(1).hop.stance_duration == (0.03, 0.3)
 
 
+def test_a_value_of_a_list_that_has_to_be_whole() -> None:
+    """A ratio of a table, which holds numbers alone."""
+    table = {"angle": [-2.4, -1.3, -0.15], "ratio": [1.2, 1.0, 0.8]}
+    design = ho.load("paper", {"leg.knee.transmission.table": table})
+    study = define(design, {"leg.knee.transmission.table.ratio[1]": "0.9,1.0"})
+    tables = [study.design_at(k).leg.joint["knee"].transmission for k in range(2)]
+    assert [between.table.ratio for between in tables if between and between.table] == [
+        (1.2, 0.9, 0.8),
+        (1.2, 1.0, 0.8),
+    ]
+
+
 def test_an_entry_that_is_not_set() -> None:
     study = define(PAPER, {"contact.friction": [0.5, 0.8]})
     assert [study.design_at(k).contact.friction for k in range(2)] == [0.5, 0.8]

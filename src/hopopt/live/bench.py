@@ -26,7 +26,7 @@ from hopopt.planner.search.multistart import SAME_OPTIMUM, distinct, first_trans
 from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.solve import SEARCHING, TIME_LIMIT
 from hopopt.problem.load import changed
-from hopopt.problem.render import values_of
+from hopopt.problem.render import value_at
 from hopopt.studies.maps.search import families_of
 from hopopt.studies.maps.warm import WARM, Carried, Families, MapPoint, solved_with
 from hopopt.studies.sensitivity import by_entry
@@ -98,8 +98,7 @@ class Bench:
     ):  # fmt: skip
         self._say, self._goal = say, find(objective)
         self.sliders = named(design, asked)
-        values = values_of(design)
-        unset = {s.entry: s.value for s in self.sliders if values.get(s.entry) is None}
+        unset = {s.entry: s.value for s in self.sliders if value_at(design, s.entry) is None}
         self.design = self._own = changed(design, unset) if unset else design
         self._own_sliders = self.sliders
         self._known, self._words, self._family = list[_Known](), dict[int, str](), None
@@ -169,14 +168,14 @@ class Bench:
     def choose(self, choices: Mapping[str, str]) -> list[Slider]:
         """Take parts of the catalogue, by their places in the problem (none: as the problem has them); the sliders, which
         stand where the parts' numbers are, and that of the body's mass, which follows them."""
-        mass = values_of(self._own).get(BODY)
+        mass = value_at(self._own, BODY)
         follows = {} if mass is None or not choices else {BODY: mass + added_mass(self._own, choices)}
         self.design = changed(self._own, {**choices, **follows}) if choices else self._own
-        values, sliders = values_of(self.design), {s.entry: s for s in self._own_sliders}
+        sliders = {s.entry: s for s in self._own_sliders}
         if follows and BODY not in sliders:
             sliders |= {s.entry: s for s in named(self.design, [BODY])}
-        taken = [s for s in sliders.values() if isinstance(values.get(s.entry), (int, float))]
-        self.sliders = [s.about(float(values[s.entry])) for s in taken]
+        values = {entry: value_at(self.design, entry) for entry in sliders}
+        self.sliders = [s.about(float(x)) for s in sliders.values() if isinstance(x := values[s.entry], (int, float))]
         last = self._known[-1]
         at = {s.entry: s.value for s in self.sliders}
         place = self._place(at)

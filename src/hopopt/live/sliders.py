@@ -12,9 +12,9 @@ from hopopt.errors import UsageError
 from hopopt.problem.catalogue import catalogue
 from hopopt.problem.catalogue_facts import KINDS
 from hopopt.problem.load import changed
-from hopopt.problem.render import rows, shown_path, values_of
+from hopopt.problem.render import rows, shown_path, value_at, values_of
 from hopopt.studies.choose.pairs import drives_mass
-from hopopt.studies.sweep.definition import Axis, axis, check_entry, whole_number
+from hopopt.studies.sweep.definition import Axis, axis, check_entry, place, whole_number
 
 COUNT = 10  # sliders, unless entries are named
 LEAST, MOST = 0.5, 2.0  # share of an entry's value that its slider goes down to, and up to
@@ -123,8 +123,8 @@ def added_mass(design: Design, choices: Mapping[str, str]) -> float:
 
 
 def _slider(design: Design, entry: str, ends: tuple[float, float] | None) -> Slider:
-    row = {row.path: row for row in rows(design)}.get(entry)
-    value = row.value if row else None
+    row = {row.path: row for row in rows(design)}.get(place(entry)[0])
+    value = value_at(design, entry)
     if ends is None:
         check_entry(design, Axis(entry, (float(value),) if isinstance(value, (int, float)) else (0.0,)))
         if not value:

@@ -43,6 +43,16 @@ def unit_at(design: Design, path: str) -> str:
     return {row.path: row.unit for row in rows(design)}.get(entry, "")
 
 
+def value_at(design: Design, path: str) -> Any:
+    """The value of the entry at ``path``, or of one number of a list of them: hop.stance_duration[1]; None if there is none."""
+    entry, _, index = path.partition("[")
+    value = values_of(design).get(entry)
+    if not index:
+        return value
+    listed, k = value if isinstance(value, (tuple, list)) else (), int(index[:-1])
+    return listed[k] if k < len(listed) else None
+
+
 def _unit(leg: Leg, path: str, unit: str) -> str:
     """The unit of an entry of a leg with joints that slide, by that which it has where all turn."""
     table, _, inner = path.removeprefix("leg.").partition(".")

@@ -16,7 +16,7 @@ from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives.registry import find
 from hopopt.problem.catalogue import Entry, catalogue
 from hopopt.problem.load import changed
-from hopopt.problem.render import design_hash, shown, shown_path, values_of
+from hopopt.problem.render import design_hash, shown, shown_path, value_at, values_of
 
 MOST_POINTS = 100_000  # points of a study
 LARGEST_VALUE = 1e15  # of a value; no entry of a problem comes near
@@ -280,7 +280,8 @@ def check_entry(design: Design, a: Axis, own: Mapping[str, Entry] | None = None)
     value = values_of(design).get(path)
     if index is not None and (not isinstance(value, (tuple, list)) or index >= len(value)):
         raise UsageError(f"--vary {shown_path(a.entry)}: there is no such value in {shown_path(path)}")
-    if isinstance(value, (bool, str)) or (index is None and isinstance(value, (tuple, list))):
+    value = value_at(design, a.entry)
+    if isinstance(value, (bool, str, tuple, list)):
         raise UsageError(f"--vary {shown_path(a.entry)}: {shown(value)} is not a number, so it cannot be varied")
     if type(value) is int and any(x != round(x) for x in a.values):
         raise UsageError(f"--vary {a.entry}: it takes whole numbers only")
@@ -288,6 +289,6 @@ def check_entry(design: Design, a: Axis, own: Mapping[str, Entry] | None = None)
         for name in a.names:
             changed(design, {path: name}, own)
         if not a.names:
-            changed(design, {path: None} if index is not None else {path: value if value is not None else a.range[0]})
+            changed(design, {a.entry: value if value is not None else a.range[0]})
     except ProblemFileError as error:
         raise UsageError(f"--vary: {error.problems[0].removeprefix('override ')}") from None
