@@ -2,18 +2,23 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from hopopt.cli.main import run
+from hopopt.cli.screen.runs import ladder as ladder_lines
+from hopopt.comparison import losses
 from hopopt.comparison.compare import Comparison, compare
 from hopopt.comparison.ladder import CONTROL, Ladder, Rung, ladder, withheld
 from hopopt.comparison.losses import Lifted, beyond_the_bound, lifted_in_turn
 from hopopt.control.strategies import find
 from hopopt.design import physical_parameters
 from hopopt.drivetrain.gear import gears_of
+from hopopt.errors import NotSolvedError
 from hopopt.ocp.custom import Moment
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
@@ -119,12 +124,61 @@ def test_what_holds_both_down_is_lifted_in_turn_and_only_where_it_counts() -> No
     assert [(w, d.simulation.gear_efficiency) for w, d in lifted_in_turn(machine)] == [(words[0], 1.0)]
 
 
+TABLE = {"speed": [0.0, 10.0], "efficiency": [0.6, 0.8]}
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"leg.gear.efficiency_table": TABLE},
+        {"leg.gear.efficiency": 0.8, "leg.knee.gear.efficiency_table": TABLE},
+        {"leg.gear.efficiency_table": TABLE, "leg.knee.gear.efficiency": 0.8},
+    ],
+)
+def test_gears_whose_efficiency_is_a_table_lose_nothing_either(entries: dict[str, object]) -> None:
+    ((words, design),) = lifted_in_turn(load("paper", entries))
+    assert words == "gears that pass on all torque"
+    gears = gears_of(design.leg, physical_parameters(design.leg))
+    assert gears.ideal
+    assert not gears.tabled
+
+
+def test_shapes_that_nothing_comes_near_cost_nothing(tmp_path: Path) -> None:
+    (tmp_path / "far.toml").write_text(
+        'extends = "paper"\nname = "far"\n[leg.body.shapes.ball]\npoints = [[0.0, 0.0, 0.5]]\nradius = 0.02\n'
+        "[leg.shank]\nradius = 0.02\n"
+    )
+    assert not list(lifted_in_turn(load(tmp_path / "far.toml")))
+
+
+def test_a_rung_whose_optimum_is_not_found_is_named(
+    hop: Solution, pd: HopFigures, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And no gap is told as if nothing were left to lift, nor a bound in doubt as if it were sure."""
+
+    def never(design: object, known: Solution, say: object) -> Solution:
+        raise NotSolvedError("no motion found")
+
+    lossy = load("paper", {"leg.gear.efficiency": 0.8, "leg.gear.friction": 3.0})
+    strategy: Any = SimpleNamespace(figures=pd, strategy=find("force_tuck"))
+    comparison = Comparison(hop, None, {"force_tuck": strategy})
+    monkeypatch.setattr(losses, "lifted_in_turn", lambda design: iter([("gears that pass on all torque", lossy)]))
+    monkeypatch.setattr(losses, "_bound", never)
+    found, missing = beyond_the_bound(comparison, "force_tuck", lambda text: None)
+    assert (found, missing) == ((), "gears that pass on all torque")
+    lifted = Lifted("links that may collide", 0.6, 0.0, 0.75, 0.05, False)
+    shown = Ladder("force_tuck", 0.58, (), (), (), (lifted,), missing).as_dict()
+    *_, gap, last = map(str, ladder_lines(shown))
+    assert gap.endswith("without these the gap is 15.0 cm, to a bound that is not verified")
+    assert f"no optimum was found with {missing}" in last
+
+
 @pytest.mark.rarely
 def test_losses_cost_what_the_lossless_leg_has_more(hop: Solution, pd: HopFigures) -> None:
     """Of PD control and of the bound, each against its own hop with gears that lose nothing."""
     lossy = load("paper", {"leg.gear.efficiency": 0.7})
     comparison = compare(lossy, ["force_tuck"], bound=solve(lossy, starts=1))
-    (lifted,) = beyond_the_bound(comparison, "force_tuck", lambda text: None)
+    (lifted,), _ = beyond_the_bound(comparison, "force_tuck", lambda text: None)
     assert lifted.verified
     assert lifted.bound_m == pytest.approx(hop.clearance, abs=1e-4)
     assert lifted.bound_gains_m == pytest.approx(hop.clearance - comparison.bound, abs=1e-4)
@@ -144,7 +198,7 @@ def test_a_bound_whose_links_may_collide_is_that_without_shapes(hop: Solution, t
     )
     design = load(tmp_path / "ball.toml", {"hop.above_ground": ["hip", "knee", "foot"], "leg.lowest": "joints"})
     comparison = compare(design, ["force_tuck"], bound=solve(design, starts=1))
-    (lifted,) = beyond_the_bound(comparison, "force_tuck", lambda text: None)
+    (lifted,), _ = beyond_the_bound(comparison, "force_tuck", lambda text: None)
     assert lifted.verified
     assert lifted.lifts == "links that may collide"
     assert lifted.bound_m == pytest.approx(hop.clearance, abs=1e-4)

@@ -76,6 +76,7 @@ class Ladder:
     orders: in which freedoms are lifted
     gains: of each order [m], that of better control first; each sums to the whole gap
     beyond: what collisions and losses of drives cost both, rungs above the bound; of a hop from rest
+    missing: what the rung above those lifts, whose optimum was not found; empty where all were
     """
 
     strategy: str
@@ -84,6 +85,7 @@ class Ladder:
     orders: tuple[tuple[str, ...], ...]
     gains: tuple[tuple[float, ...], ...]
     beyond: tuple[Lifted, ...] = ()
+    missing: str = ""
 
     def __repr__(self) -> str:
         rungs = ", ".join(f"{r.allows} {r.clearance_m:.3f} m" for r in self.rungs)
@@ -102,6 +104,7 @@ class Ladder:
             "ladder_from": {"strategy": self.strategy, "clearance_m": self.from_m},
             "ladder_orders": [{"allows": list(order), "gains_m": list(gains)} for order, gains in pairs],
             "ladder_beyond": [vars(lifted) for lifted in self.beyond],
+            "ladder_missing": self.missing or None,
         }
 
 
@@ -130,8 +133,8 @@ def ladder(
     climbed = [solved.along(order) for order in chosen]
     clearances = [[figures.clearance, *(s.clearance for s in rungs)] for rungs in climbed]
     gains = tuple(tuple(map(float, np.diff(heights))) for heights in clearances)
-    beyond = beyond_the_bound(comparison, name, say) if isinstance(comparison, Comparison) else ()
-    return Ladder(name, figures.clearance, tuple(_rungs(chosen, gains, climbed[0])), chosen, gains, beyond)
+    beyond, missing = beyond_the_bound(comparison, name, say) if isinstance(comparison, Comparison) else ((), "")
+    return Ladder(name, figures.clearance, tuple(_rungs(chosen, gains, climbed[0])), chosen, gains, beyond, missing)
 
 
 def _rungs(

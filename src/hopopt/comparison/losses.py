@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from hopopt.comparison.compare import Comparison
 from hopopt.control.closed_loop import simulate
 from hopopt.design import Design, physical_parameters
-from hopopt.drivetrain.gear import ENTRIES, LOSSLESS, NO_LOAD, lossless_entries
+from hopopt.drivetrain.gear import ENTRIES, LOSSLESS, NO_LOAD, TABLE, efficiency_table, lossless_entries
 from hopopt.drivetrain.motor import own_voltage
 from hopopt.errors import NotSolvedError
-from hopopt.leg.geometry.solids import has_shape
+from hopopt.leg.geometry.smooth import clearances
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.from_known import solved_from_known
@@ -44,29 +44,39 @@ class Lifted:
 
 def lifted_in_turn(design: Design) -> Iterator[tuple[str, Design]]:
     """What holds both down, in words, and the problem without it and those before it; only what counts in this problem."""
-    if has_shape(design.leg) and not design.hop.may_collide:
+    if (near := clearances(design)) is not None and near.links:
         design = changed(design, {"hop.may_collide": True})
         yield "links that may collide", design
     for words, names in (("gears that pass on all torque", TEETH), ("drives without friction", RUBBING)):
-        if entries := _lossless(design, names):
-            design = changed(design, entries)
+        without = _lossless(design, names)
+        if without != design:
+            design = without
             yield words, design
     if design.leg.supply:
         fed = changed(design, own_voltage(design.leg))
         yield "a supply that never sags", fed.model_copy(update={"leg": fed.leg.model_copy(update={"supply": None})})
 
 
-def _lossless(design: Design, names: tuple[str, ...]) -> dict[str, float]:
-    """Entries of the problem with which these of its drives, and of its simulated machine, lose nothing; empty where they do not."""
+def _lossless(design: Design, names: tuple[str, ...]) -> Design:
+    """The problem with which these entries of its drives, and of its simulated machine, lose nothing; as it is where they do not."""
     own = lossless_entries(physical_parameters(design.leg))
     found = {path: value for path, value in own.items() if path.rpartition(".")[2] in names}
     machine = ((f"gear_{name}", value) for name, value in zip(ENTRIES, LOSSLESS, strict=True) if name in names)
     rubs = {f"simulation.{name}": value for name, value in machine if getattr(design.simulation, name) != value}
-    return found | rubs
+    kept = changed(design, found | rubs) if found or rubs else design
+    leg = kept.leg
+    if not set(names) & set(TEETH) or all(efficiency_table(leg, joint) is None for joint in leg.joints):
+        return kept
+    data = kept.model_dump(exclude_none=True)
+    for part in (data["leg"], *(data["leg"][joint] for joint in leg.joints)):
+        if (gear := part.get("gear", {})).pop(TABLE, None) is not None:
+            gear["efficiency"] = 1.0  # where a table stood, no number did
+    return Design.model_validate(data)
 
 
-def beyond_the_bound(comparison: Comparison, name: str, say: Callable[[str], None]) -> tuple[Lifted, ...]:
-    """What each of these costs the strategy of this name and the bound; up to the first whose optimum is not found."""
+def beyond_the_bound(comparison: Comparison, name: str, say: Callable[[str], None]) -> tuple[tuple[Lifted, ...], str]:
+    """What each of these costs the strategy of this name and the bound, up to the first whose optimum is not found; and what that
+    lifts, empty where all were."""
     pd, bound, found = comparison.runs[name].figures.clearance, comparison.solution, list[Lifted]()
     for words, design in lifted_in_turn(bound.design):
         say(f"ladder: the optimum and PD control with {words}")
@@ -75,11 +85,11 @@ def beyond_the_bound(comparison: Comparison, name: str, say: Callable[[str], Non
             best = _bound(design, bound, say)
         except NotSolvedError as error:  # all else of the ladder is there
             say(f"ladder: no optimum with {words}: {error}")
-            break
+            return tuple(found), words
         gains = reached - pd, best.clearance - bound.clearance
         found.append(Lifted(words, reached, gains[0], best.clearance, gains[1], best.verified))
         pd, bound = reached, best
-    return tuple(found)
+    return tuple(found), ""
 
 
 def _bound(design: Design, known: Solution, say: Callable[[str], None]) -> Solution:

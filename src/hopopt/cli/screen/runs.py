@@ -197,10 +197,12 @@ def ladder(found: Mapping[str, Any]) -> Iterator[Shown]:
     )
     if beyond := found.get("ladder_beyond"):
         yield from _beyond(start, beyond)
+    if missing := found.get("ladder_missing"):
+        yield f"beyond the bound: no optimum was found with {missing}, so what that costs, and what comes after it, is not told"
 
 
 def _beyond(start: Mapping[str, Any], beyond: Sequence[Mapping[str, Any]]) -> Iterator[Shown]:
-    """What holds down PD control and the bound alike, each lifted with those before it, and the gap without all of it."""
+    """What holds down PD control and the bound alike, each lifted with those before it, and the gap without these."""
     name, rows = start["strategy"], []
     for lifted in beyond:
         doubt = "" if lifted["verified"] else "not verified"
@@ -209,7 +211,8 @@ def _beyond(start: Mapping[str, Any], beyond: Sequence[Mapping[str, Any]]) -> It
     heads = ("bound\nm", "gain\ncm", f"{name}\nm", "gain\ncm", "")
     yield table([named("beyond the bound"), *figures(*heads)], rows, between=(0, 1))
     gap = beyond[-1]["bound_m"] - beyond[-1]["strategy_m"]
-    yield f"what holds down both, each lifted with those above it; without all of it the gap is {100 * gap:.1f} cm"
+    doubt = "" if beyond[-1]["verified"] else ", to a bound that is not verified"
+    yield f"what holds down both, each lifted with those above it; without these the gap is {100 * gap:.1f} cm{doubt}"
 
 
 def cm(gap: float) -> str:
