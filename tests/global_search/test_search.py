@@ -1,6 +1,7 @@
 """The global search: what it finds, that its rollouts are motions of the leg, and where it does not apply."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ SIZE = 11
 BEST_KNOWN = 0.79935  # m: clearance of the paper's leg on ideal ground
 PLANES, FORCE = 0.02, 3.0  # tolerances: share of a drive's region; ground force [N]
 ANGLE, HEIGHT = 1e-6, 1e-6  # rad, m
+
+TRUNKED = {"mass": 5.6, "shapes": {"trunk": {"box": (0.2, 0.2, 0.2)}}}
 
 CASES = {
     "ideal ground": [],
@@ -172,7 +175,8 @@ def test_motions_meet_nothing_and_keep_the_trunk_above_the_ground(tmp_path: Path
     result, solids, machine = search(design, SIZE), distances_of(design), Machine(build_robot(design.leg))
     assert result.rollouts
     for r in result.rollouts:
-        assert float(solids.all(r.q).min()) > 0
+        ways = np.concatenate([np.linspace(a, b, 9) for a, b in pairwise(r.q)])
+        assert float(solids.all(ways).min()) > 0
         lowest = [machine.points(machine.stance_terms(q, v).q)["trunk"][1] for q, v in zip(r.q, r.v, strict=True)]
         assert min(lowest) > 0.02 - HEIGHT
     assert left_out(design) is None
@@ -187,17 +191,18 @@ def test_motions_meet_nothing_and_keep_the_trunk_above_the_ground(tmp_path: Path
         ("paper", {"knee": {"lower": -2, "upper": 0, "axis": (1, 0, 0)}}, "leaves the x-z plane"),
         ("paper", {"shank": {"length": 0.3, "mass": 1.0, "direction": (0, 1, 0)}}, "points across"),
         ("paper", {"guides": ("x",)}, "no guide"),
-        ("paper", {"body": {"mass": 5.6, "shapes": {"trunk": {"box": (0.2, 0.2, 0.2)}}}}, None),
-        (
-            "paper",
-            {"guides": ("z",), "body": {"mass": 5.6, "shapes": {"trunk": {"box": (0.2, 0.2, 0.2)}}}},
-            "what shape",
-        ),
+        ("paper", {"body": TRUNKED}, None),
+        ("paper", {"guides": ("z",), "body": TRUNKED}, "what shape"),
+        ("paper", {"guides": ("z",), "lowest": "joints", "body": TRUNKED}, "what shape"),
+        ("paper", {"guides": ("z",), "body": TRUNKED, "may_collide": True}, "what shape"),
+        ("paper", {"guides": ("z",), "lowest": "joints", "body": TRUNKED, "may_collide": True}, None),
     ],
 )
 def test_where_it_applies(name: str, changes: dict[str, Any], reason: str | None) -> None:
     data = load(name).model_dump(exclude_none=True)
-    said = applies(Design.model_validate({**data, "leg": {**data["leg"], **changes}}))
+    hop = {**data["hop"], **{key: value for key, value in changes.items() if key == "may_collide"}}
+    leg = {**data["leg"], **{key: value for key, value in changes.items() if key != "may_collide"}}
+    said = applies(Design.model_validate({**data, "leg": leg, "hop": hop}))
     assert (said is None) == (reason is None)
     assert reason is None or (said is not None and reason in said)
 

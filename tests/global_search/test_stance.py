@@ -12,8 +12,10 @@ from hopopt.design import Design
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.global_search.constants import room_at, stance_constants, to_joint_angles, to_link_angles
 from hopopt.global_search.equations.accelerations import VERTICES, polygon
-from hopopt.global_search.equations.dynamics import MARGINS, apex_height, stance_terms, state_margins
-from hopopt.global_search.equations.flight import _accelerations, flight_of, fold_loss
+from hopopt.global_search.equations.dynamics import MARGINS, apex_height, stance_terms, state_margins, way_is_free
+from hopopt.global_search.equations.flight import FLIGHT_STEPS, LATER, _accelerations, _turned, flight_of, fold_loss
+from hopopt.global_search.equations.four_states import fastest_joints
+from hopopt.global_search.motions import keeps_limits, workspace
 from hopopt.global_search.posture import best_tuck, tuck_height
 from hopopt.leg.geometry.distance import distances_of
 from hopopt.leg.geometry.smooth import clearances, margin_of
@@ -185,3 +187,82 @@ def test_what_links_pass_is_a_limit_of_states(tmp_path: Path) -> None:
             near += 1
             assert out[-1] == pytest.approx(distance - kept_apart - planned.error, abs=3e-3)
     assert near > 20
+
+
+def barred(tmp_path: Path, x: float, z: float) -> Design:
+    """The paper's leg, its shank 2 cm thick, with a thin bar across its plane."""
+    bar = f"[leg.body.shapes.bar]\npoints = [[{x}, 0.0, {z}]]\nradius = 0.01\ncounts = false\n"
+    return shaped(tmp_path, bar + "[leg.shank]\nradius = 0.01\n[hop]\ncollision_margin = 0.0\n")
+
+
+RISING = np.array([0.5, -1.0]), np.array([-11.0, 21.0])  # rad, rad/s: a lift-off 0.33 s before its apex
+
+
+@pytest.mark.parametrize(("x", "z", "met"), [(0.052, -0.718, True), (-0.001, -0.677, True), (0.4, -0.1, False)])
+def test_a_fold_that_would_meet_the_body_is_held(tmp_path: Path, x: float, z: float, met: bool) -> None:
+    """Joints move by up to 0.26 rad in a step. coal looks along each; heights are the leg's own points and Pinocchio's."""
+    design, (q, w) = barred(tmp_path, x, z), RISING
+    c, solids, machine = stance_constants(design), distances_of(design), Machine(build_robot(design.leg))
+    flight = flight_of(c, design.hop.foot_window, fastest_joints(design))
+    terms = machine.stance_terms(q, w)
+    time = machine.com_velocity(terms.q, terms.v)[1] / c.gravity
+    dt = LATER * time / FLIGHT_STEPS
+
+    def low(q: np.ndarray) -> float:
+        places = joint_positions(design.leg, q)
+        com = machine.points(np.concatenate([[0, 0], q]))["com"][1]
+        outside = max(abs(places[-1, 0] - places[0, 0]) - design.hop.foot_window, 0.0)
+        return com - places[:, 2].min() - flight.tuck + outside
+
+    now = machine.points(terms.q)["com"][1] + 0.5 * c.gravity * time**2 - flight.tuck
+    expected, hit = now, False
+    for k in range(FLIGHT_STEPS):
+        way = np.sign([flight.target1 - q[0], flight.target2 - q[1]])
+        a = _accelerations(packed(c), packed(flight), *q, *w, *way)
+        first = _turned(q[0], w[0], a[0], dt, flight.fastest1, c.lower1, c.upper1, flight.target1, way[0])
+        second = _turned(q[1], w[1], a[1], dt, flight.fastest2, c.lower2, c.upper2, flight.target2, way[1])
+        then, w = np.array([first[0], second[0]]), np.array([first[1], second[1]])
+        hit = bool(solids.all(np.linspace(q, then, 100)).min() < 0)
+        if hit:
+            expected = min(expected, low(q)) if k * dt < time else expected
+            break
+        q, past = then, (k + 1) * dt - time
+        tucked = past <= 0 and q.tolist() == [flight.target1, flight.target2]  # and stays so up to the apex
+        expected = min(expected, 0.0 if tucked else low(q) + 0.5 * c.gravity * past**2)
+    assert hit == met
+    lost = fold_loss(packed(c), packed(flight), *to_link_angles(c, RISING[0]), *to_link_angles(c, RISING[1]))
+    assert lost == pytest.approx(expected, abs=1e-6)
+    assert (lost > 0.3) == met
+
+
+def test_a_way_may_touch_by_a_share_of_the_reach_and_no_more_with_every_step() -> None:
+    """A room that falls by 0.4 mm over the fold, by less in each step than links may touch; and the leg ten times as large."""
+    design, (q, w) = load("paper"), RISING
+    c = stance_constants(design)
+    flight = packed(flight_of(c, design.hop.foot_window, fastest_joints(design)))
+    falling = np.tile(np.linspace(-4e-4, 0.0, 121) * (c.upper2 - c.lower2) / 1.4, (121, 1))
+    there = (q[1] - c.lower2) / (c.upper2 - c.lower2) * 120
+    falling -= np.interp(there, np.arange(121), falling[0])
+    state = *to_link_angles(c, q), *to_link_angles(c, w)
+    assert fold_loss(packed(c), flight, *state) == 0
+    assert fold_loss(packed(c._replace(room=falling)), flight, *state) > 0.3
+    ends = {name: 10 * getattr(c, name) for name in ("thigh_x", "thigh_z", "shank_x", "shank_z")}
+    for room, of in ((falling, c), (10 * falling, c._replace(**ends))):
+        free = [way_is_free(packed(of._replace(room=room)), *q, q[0], q[1] - far, 0.0) for far in (0.25, 0.31)]
+        assert free == [True, False]
+
+
+def test_a_motion_of_the_stance_leaps_through_nothing(tmp_path: Path) -> None:
+    """Both ends are free by coal, and half the way is not."""
+    design, far = barred(tmp_path, 0.052, -0.718), load("paper")
+    solids, out = distances_of(design), workspace()
+    poses = np.random.default_rng(1).uniform([-0.5, -1.5], [1.2, -0.4], (4000, 2))
+    middle = min(poses, key=lambda q: float(solids.all(q[None]).min()))
+    ends = middle + np.array([[0.0, -0.13], [0.0, 0.13]])
+    assert solids.all(ends).min() > 0.005
+    assert solids.all(middle[None]).min() < -0.01
+    for of, kept in ((far, True), (design, False)):
+        c = stance_constants(of)
+        before, after = to_link_angles(c, ends)
+        state_margins(packed(c), *before, 0.0, 0.0, out["here"])
+        assert keeps_limits(packed(c), out, *before, *after, 0.0, 0.0) == kept

@@ -4,7 +4,7 @@ from hopopt.design import Design
 from hopopt.design.fields import TRUNK
 from hopopt.drivetrain.heat import LIMIT
 from hopopt.leg.geometry.above import height_rows
-from hopopt.leg.geometry.solids import has_shape
+from hopopt.leg.geometry.solids import counted_points, has_shape
 from hopopt.leg.kinematics import planar, two_joints
 
 UNKNOWN = ("power_cap", LIMIT)  # entries of motors that its grid does not see
@@ -34,7 +34,7 @@ def applies(design: Design) -> str | None:
         return "the ground slopes"
     if "z" not in leg.guides:
         return "no guide lets the body rise"
-    if has_shape(leg) and "x" not in leg.guides:
+    if has_shape(leg) and "x" not in leg.guides and (not design.hop.may_collide or counted_points(leg)):
         return "on a vertical slider it does not know what shape body and links have"
     if not leg.direct or leg.elastic:
         return "it knows no drives that turn otherwise than their joints"

@@ -10,7 +10,7 @@ import numpy as np
 
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.global_search.equations.accelerations import VERTICES, polygon, possible, with_limits
-from hopopt.global_search.equations.dynamics import MARGINS, state_margins
+from hopopt.global_search.equations.dynamics import MARGINS, state_margins, way_is_free
 from hopopt.global_search.equations.flight import after_flight
 from hopopt.global_search.grid import on_grid
 
@@ -59,13 +59,15 @@ def workspace() -> Any:
 
 
 @kernel
-def keeps_limits(c, w, phi1, phi2, r1, r2):
-    """Whether a state keeps its limits, or comes no further beyond them than the state before it (``w.here``)."""
+def keeps_limits(c, w, from1, from2, phi1, phi2, r1, r2):
+    """Whether a state keeps its limits, or comes no further beyond them than the state before it (``w.here``), at the link
+    angles ``from1`` and ``from2``; and whether links pass nothing on the way."""
     state_margins(c, phi1, phi2, r1, r2, w.there)
-    for k in range(MARGINS):  # noqa: SIM110  numba compiles no generators
+    for k in range(MARGINS):
         if w.there[k] < min(0.0, w.here[k]) - LIMIT_TOLERANCE:
             return False
-    return True
+    q1, q2, then1, then2 = c.turn1 * from1, c.turn2 * (from2 - from1), c.turn1 * phi1, c.turn2 * (phi2 - phi1)
+    return way_is_free(c, q1, q2, then1, then2, w.here[MARGINS - 1])
 
 
 @kernel
@@ -104,6 +106,12 @@ def _move(c, w, i, one, two, phi1, phi2, r1, r2, dt, substeps):
 
 
 @kernel
+def _ends_well(c, w, i, phi1, phi2):
+    """``keeps_limits`` at the end of motion i from link angles phi1, phi2 [rad]."""
+    return keeps_limits(c, w, phi1, phi2, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3])
+
+
+@kernel
 def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
     """Fills w.end and w.kind with the motions over dt [s]; returns how many there are."""
     count = polygon(c, phi1, phi2, r1, r2, w.x, w.y, w.edge, w.spare_x, w.spare_y, w.spare_edge)
@@ -115,7 +123,7 @@ def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
         one, two = w.edge[i - 1 if i > 0 else count - 1], w.edge[i]
         w.kind[i] = NONE
         if _move(c, w, i, one, two, phi1, phi2, r1, r2, dt, substeps):
-            w.kind[i] = KEEPS if keeps_limits(c, w, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]) else PASSES
+            w.kind[i] = KEEPS if _ends_well(c, w, i, phi1, phi2) else PASSES
         else:  # where it would end if its first acceleration stayed: only motions on the way there may be possible
             w.end[i, 0], w.end[i, 1] = phi1 + dt * (r1 + 0.5 * dt * w.x[i]), phi2 + dt * (r2 + 0.5 * dt * w.y[i])
             w.end[i, 2], w.end[i, 3] = r1 + dt * w.x[i], r2 + dt * w.y[i]
@@ -131,7 +139,7 @@ def leaving(c, w, grid, loss, none, i, phi1, phi2, r1, r2, dt):
     for _ in range(CUTS):
         t = 0.5 * (low + high)
         kept = _move(c, w, i, one, two, phi1, phi2, r1, r2, t * dt, 1)
-        if kept and keeps_limits(c, w, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]):
+        if kept and _ends_well(c, w, i, phi1, phi2):
             low = t
             apex = max(apex, after_flight(c, grid, loss, none, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]))
         else:
@@ -158,7 +166,7 @@ def last_kept(c, w, grid, i, j, phi1, phi2, r1, r2, dt):
     for _ in range(EDGE_HALVINGS):
         t = 0.5 * (low + high)
         f1, f2, u1, u2 = between(w, i, j, t)
-        kept = on_grid(grid, f1, f2, u1, u2) and keeps_limits(c, w, f1, f2, u1, u2)
+        kept = on_grid(grid, f1, f2, u1, u2) and keeps_limits(c, w, phi1, phi2, f1, f2, u1, u2)
         if kept and w.kind[j] == NONE:
             a1, a2 = (u1 - r1) / dt, (u2 - r2) / dt
             m1, m2 = phi1 + 0.5 * dt * (r1 + 0.25 * dt * a1), phi2 + 0.5 * dt * (r2 + 0.25 * dt * a2)

@@ -13,6 +13,7 @@ from hopopt.global_search.constants import TORQUE_LINES
 
 MARGINS = 8  # state limits: two of each joint, the heights of knee and hip, the body's descent, what links pass
 RELATIVE = 1e-9  # by so much a speed may exceed the fastest
+TOUCHED = 1e-4  # of the reach: by so much links may come nearer on a way than they may, for it is a chord
 TOUCHING = 1e-3  # N m: by so much the bounds of a torque may cross at the very end of a drive's region
 
 
@@ -65,6 +66,25 @@ def room(c, q1, q2):
     s, t = x - i, y - j
     low = (1 - t) * c.room[i, j] + t * c.room[i, j + 1]
     return (1 - s) * low + s * ((1 - t) * c.room[i + 1, j] + t * c.room[i + 1, j + 1])
+
+
+@kernel
+def way_is_free(c, q1, q2, then1, then2, start):
+    """Whether links keep their distances on the straight way between two pairs of joint angles [rad], looked at as densely as
+    the table is; where they were nearer at ``start`` [m] than they may, they come no nearer."""
+    n1, n2 = c.room.shape
+    if n1 == 0:
+        return True
+    reach = np.hypot(c.thigh_x, c.thigh_z) + np.hypot(c.shank_x, c.shank_z)
+    least = min(start, 0.0) - TOUCHED * reach
+    far1 = abs(then1 - q1) / (c.upper1 - c.lower1) * (n1 - 1)
+    far2 = abs(then2 - q2) / (c.upper2 - c.lower2) * (n2 - 1)
+    parts = int(np.ceil(max(far1, far2, 1.0)))
+    for k in range(1, parts + 1):
+        share = k / parts
+        if room(c, q1 + share * (then1 - q1), q2 + share * (then2 - q2)) < least:
+            return False
+    return True
 
 
 @kernel

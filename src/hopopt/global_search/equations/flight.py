@@ -1,7 +1,7 @@
 """What flight makes of a lift-off: how far the clearance stays below the ballistic apex of a leg that is folded in no time.
 
 In flight both joints turn towards the best tucked pose with all that their drives give, and each stays where it arrives. A leg
-that would meet the body on that way is as it was before.
+that would meet the body on that way is held as it was before.
 A hop can do at least nearly that; where the drives are quick it costs nothing, and where they are slow it decides.
 """
 
@@ -12,14 +12,13 @@ import numpy as np
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.drivetrain.kernels import passed_torque
 from hopopt.global_search.constants import StanceConstants
-from hopopt.global_search.equations.dynamics import apex_height, room, sprung, torque_range
+from hopopt.global_search.equations.dynamics import apex_height, room, sprung, torque_range, way_is_free
 from hopopt.global_search.grid import OFF_GRID_VALUE, Grid, interpolate
 from hopopt.global_search.posture import best_tuck
 
 FLIGHT_STEPS = 32  # of time in a flight
 LATER = 1.5  # times the time to the ballistic apex: a leg that folds slowly clears most after it
 ARRIVED = 1e-9  # rad from the tucked pose
-TOUCHED = 1e-4  # m: by so much links may come nearer on the way than they may, in a step
 
 
 class Flight(NamedTuple):
@@ -119,16 +118,18 @@ def fold_loss(c, f, phi1, phi2, r1, r2):
     height = apex_height(c, phi1, phi2, 0.0, 0.0)
     time = np.sqrt(2 * max(apex - height, 0.0) / c.gravity)
     least, dt = apex - f.tuck, LATER * time / FLIGHT_STEPS  # with the foot still on the ground
-    before = room(c, q1, q2)
+    start = room(c, q1, q2)
     for k in range(1, FLIGHT_STEPS + 1):
         way1, way2 = np.sign(f.target1 - q1), np.sign(f.target2 - q2)
         a1, a2 = _accelerations(c, f, q1, q2, w1, w2, way1, way2)
-        q1, w1 = _turned(q1, w1, a1, dt, f.fastest1, c.lower1, c.upper1, f.target1, way1)
-        q2, w2 = _turned(q2, w2, a2, dt, f.fastest2, c.lower2, c.upper2, f.target2, way2)
-        left = room(c, q1, q2)
-        if left < min(before, 0.0) - TOUCHED:
+        then1, w1 = _turned(q1, w1, a1, dt, f.fastest1, c.lower1, c.upper1, f.target1, way1)
+        then2, w2 = _turned(q2, w2, a2, dt, f.fastest2, c.lower2, c.upper2, f.target2, way2)
+        if not way_is_free(c, q1, q2, then1, then2, start):
+            if (k - 1) * dt < time:  # held from there on, it is highest at the apex
+                below, outside = _tucked(c, f, q1, q2)
+                least = min(least, below - f.tuck + outside)
             break
-        before = left
+        q1, q2 = then1, then2
         below, outside = _tucked(c, f, q1, q2)
         past = k * dt - time
         if q1 == f.target1 and q2 == f.target2 and past <= 0:
