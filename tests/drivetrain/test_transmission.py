@@ -14,7 +14,7 @@ from hopopt.control.closed_loop import make_plant
 from hopopt.control.setting import Setting
 from hopopt.design import Leg, physical_parameters
 from hopopt.drivetrain.kernels import own_ratio
-from hopopt.drivetrain.transmission import drive_angle, numbers, ratios
+from hopopt.drivetrain.transmission import drive_angle, numbers, ratios, spline_slopes
 from hopopt.errors import ProblemFileError
 from hopopt.export.plan import columns, samples_at_control_rate
 from hopopt.leg.dynamics import LegDynamics
@@ -83,6 +83,27 @@ def test_a_table_of_ratios_is_followed_by_a_monotone_spline_level_outside() -> N
     middle = PchipInterpolator(points, values).derivative()(points[1])  # Fritsch and Carlson's slope there
     expected = CubicHermiteSpline(points, values, [0.0, middle, 0.0])(np.clip(q, points[0], points[-1]))
     assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_slopes_of_a_level_table_have_the_derivatives_of_straight_ones() -> None:
+    """By differences; where one rise alone is zero the slope stays Pchip's, and all second derivatives are numbers."""
+    knots, x = [-2.4, -1.3, -0.15], ca.SX.sym("x", 3)
+    slope = ca.vertcat(*spline_slopes(knots, ca.vertsplit(x)))[1]
+    middle = ca.Function("middle", [x], [slope])
+    hessian, gradient = ca.hessian(slope, x)
+    derivatives = ca.Function("derivatives", [x], [ca.densify(gradient), ca.densify(hessian)])
+    level, h = np.full(3, 0.4), 1e-6
+    found, bend = (each.full() for each in derivatives(level))
+    for way in (np.array(knots), np.ones(3)):
+        difference = float(middle(level + h * way) - middle(level - h * way)) / (2 * h)
+        assert found[:, 0] @ way == pytest.approx(difference, abs=1e-8)
+    nearly = derivatives(level + h * np.array(knots))[0].full()
+    assert found == pytest.approx(nearly, rel=1e-6)
+    assert np.isfinite(bend).all()
+    for values in ([0.4, 0.4, 0.3], [0.4, 0.3, 0.3], [0.4, 0.4, 0.4], [0.4, 0.39, 0.1], [0.4, 0.5, 0.3]):
+        assert float(middle(values)) == pytest.approx(
+            PchipInterpolator(knots, values).derivative()(knots[1]), abs=1e-14
+        )
 
 
 def test_a_differential_shares_torques_between_its_motors() -> None:

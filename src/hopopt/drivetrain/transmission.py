@@ -70,13 +70,16 @@ def table(table: Transmission, entry: Callable[[str], Any], q: Any) -> Any:
 
 def spline_slopes(knots: Sequence[float], values: Sequence[Any]) -> list[Any]:
     """Slopes at its points of a cubic spline that rises and falls only as its points do, 0 at both ends, so that a ratio that is
-    level beyond them has no corner; values: symbols or constants among them (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984)."""
+    level beyond them has no corner; values: symbols or constants among them (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984).
+    Where three points are level its derivatives by them are those of straight tables, so that an optimum can be level."""
     h = np.diff(knots).tolist()
     rises = [(b - a) / width for (a, b), width in zip(pairwise(values), h, strict=True)]
     inner = []
     for (before, behind), (d, e) in zip(pairwise(h), pairwise(rises), strict=True):
         near, far = before + 2 * behind, 2 * before + behind
-        inner.append(ca.if_else(d * e > 0, (near + far) * d * e / (near * e + far * d), 0.0))
+        # 0 of three level points, to which the harmonic mean of nearly equal rises comes with this slope
+        level = ca.if_else(ca.fabs(d) + ca.fabs(e) > 0, 0.0, (near * d + far * e) / (near + far))
+        inner.append(ca.if_else(d * e > 0, (near + far) * d * e / (near * e + far * d), level))
     return [0.0, *inner, 0.0]
 
 
