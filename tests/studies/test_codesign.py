@@ -467,8 +467,11 @@ def test_free_points_of_a_table_of_ratios_still_fall() -> None:
 
     falls = [f"{path}[2] - {path}[3] >= 0", f"{path}[1] - {path}[2] >= 0", f"{path}[0] - {path}[1] >= 0"]
     assert couplings(1.2, 1.1, 1.0, 0.9, free=(0.5, 1.5)) == falls[1:]
-    with pytest.raises(UsageError, match=r"ratio\[1\] >= 0: no values within the bounds of --free meet it"):
+    keeps = rf"^--free {re.escape(path)}\[1\]: a table keeps %s, and no values within the bounds"
+    with pytest.raises(UsageError, match=keeps % "falling"):
         couplings(1.2, 1.1, 1.0, free=(1.3, 1.5))
+    with pytest.raises(UsageError, match=keeps % "rising"):
+        couplings(1.0, 1.1, 1.2, free=(1.3, 1.5))
     with pytest.raises(UsageError, match=rf"--free {re.escape(path)}\[1\]: {path} is level"):
         couplings(1.0, 1.0, 1.0, free=(0.5, 1.5))
 

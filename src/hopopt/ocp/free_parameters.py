@@ -30,7 +30,7 @@ HOW_TO_FREE = (
 class Coupling:
     """sum of factor * entry and of factor * entry^exponent, at least ``lower`` and at most ``upper``.
 
-    text: as it was given; factors: {entry: factor}; powers: {(entry, exponent): factor}.
+    text: as it was given, or that a table keeps falling or rising; factors: {entry: factor}; powers: {(entry, exponent): factor}.
     """
 
     text: str

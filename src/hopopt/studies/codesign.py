@@ -53,7 +53,7 @@ from hopopt.problem.render import unit_at
 from hopopt.record import computed
 from hopopt.storage.seal.recheck import CONFIRMED, co_design_checks
 from hopopt.studies.codesign_kinks import between
-from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, laws, meets
+from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, keeps_order, laws, meets
 
 AT_BOUND = 1e-6  # share of its range within which a parameter sits on a bound
 LOOKS = 9  # values of its range at which a linkage's entry is looked at, its bounds among them
@@ -264,10 +264,12 @@ def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Seq
     own_mass = [next(iter(c.factors)) for c in couplings if asks_catalogue(c.text)]
     if repeated := next((mass for k, mass in enumerate(own_mass) if mass in own_mass[:k]), None):
         raise UsageError(f'--couple: two laws of the catalogue say {repeated}: name their torques in one, with "and"')
-    whole = (*couplings, *monotone(design.leg, free))
-    for c in whole:
+    kept = tuple(monotone(design.leg, free))
+    for c in couplings:
         meets(c, free, known)
-    return FreeParameters(dict(free), whole)
+    for c in kept:
+        keeps_order(c, free, known)
+    return FreeParameters(dict(free), (*couplings, *kept))
 
 
 def _looked_at(leg: Leg, entry: str, low: float, high: float) -> list[float]:

@@ -139,12 +139,34 @@ def meets(c: Coupling, free: Mapping[str, tuple[float, float]], known: Mapping[s
             raise UsageError(f"--couple {c.text}: there is no entry {entry}{did_you_mean(entry, known)}")
     if not free.keys() & set(c.entries):
         raise UsageError(f"--couple {c.text}: none of its entries is free")
-    ends = np.zeros(2)
-    for factor, entry, exponent in c.terms:
-        low, high = free.get(entry, (known[entry], known[entry]))
+    for _, entry, exponent in c.terms:
+        low = free[entry][0] if entry in free else known[entry]
         if exponent != 1 and low <= 0:
             raise UsageError(f"--couple {c.text}: {entry} can be {low:g}, and a power of it needs it above 0")
-        ends += sorted(factor * x**exponent for x in (low, high))
-    slack = 1e-9 * max(1.0, float(np.abs(ends).max()))
-    if ends[1] < c.lower - slack or ends[0] > c.upper + slack:
+    if not _can_be_met(c, free, known):
         raise UsageError(f"--couple {c.text}: no values within the bounds of --free meet it")
+
+
+def keeps_order(c: Coupling, free: Mapping[str, tuple[float, float]], known: Mapping[str, float]) -> None:
+    """That two neighbours in a table, of which ``monotone`` makes a coupling, can keep their order; UsageError if not."""
+    if _can_be_met(c, free, known):
+        return
+    more, less = c.entries
+    way = "falling" if int(more.split("[")[1][:-1]) < int(less.split("[")[1][:-1]) else "rising"
+    says = " and ".join(
+        f"{entry} is {known[entry]:g}" if entry not in free else "{} is {:g} to {:g}".format(entry, *free[entry])
+        for entry in sorted(c.entries)
+    )
+    raise UsageError(
+        f"--free {more if more in free else less}: a table keeps {way}, and no values within the bounds do: {says}; "
+        "give other bounds, or free both"
+    )
+
+
+def _can_be_met(c: Coupling, free: Mapping[str, tuple[float, float]], known: Mapping[str, float]) -> bool:
+    """Whether values within the bounds meet a coupling."""
+    ends = np.zeros(2)
+    for factor, entry, exponent in c.terms:
+        ends += sorted(factor * x**exponent for x in free.get(entry, (known[entry],) * 2))
+    slack = 1e-9 * max(1.0, float(np.abs(ends).max()))
+    return bool(ends[1] >= c.lower - slack and ends[0] <= c.upper + slack)

@@ -102,7 +102,7 @@ class FreeEntry(Strict):
 class CouplingHeld(Strict):
     """A relation between entries that had to hold."""
 
-    coupling: str = stated("as it was given")
+    coupling: str = stated("as it was given, or that a table keeps falling or rising")
     equation: str = stated("written out")
     active: bool = stated("whether it acts")
 
