@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from hopopt.nlp.mesh import uniform
+from hopopt.nlp.refinement import smoothing
 from hopopt.nlp.refinement.interval_errors import interval_errors
 from hopopt.nlp.refinement.smoothing import JUMP, Slopes, smoothed
 from hopopt.nlp.schemes import radau
@@ -14,7 +15,7 @@ from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.problem import Control, Ends, Instant, Objective, Phase, Problem, State
 
 SMALL = 0.01  # what a force counts as: its slopes then count by their squares
-ALLOWANCE, EXCESS = 5e-5, 5e-5
+ALLOWANCE, EXCESS, LOCAL = 5e-5, 5e-5, 1e-5
 
 
 def pushed_and_carried() -> Problem:
@@ -55,7 +56,7 @@ def forces(phase: str, s: Instant) -> ca.SX:
 def test_a_force_on_which_nothing_depends_becomes_the_smoothest_and_one_that_counts_stays() -> None:
     """The least integral of the square of the force's slope from rest to rest: 5 - 10 (3 t^2 - 2 t^3), by Euler and Lagrange."""
     before = solved()
-    after = smoothed(before, forces, ALLOWANCE, EXCESS)
+    after = smoothed(before, forces, ALLOWANCE, EXCESS, LOCAL)
     assert after is not None
     t, x, u = after.phases["way"].everywhere(np.linspace(0, 1, 9))
     push, carry = u[..., 0], u[..., 1]
@@ -72,7 +73,21 @@ def test_roughness_is_the_integral_that_it_says_and_never_rises() -> None:
     """1/2 of the integral of (60 t (1 - t))^2 is 60. An interval and the jump beside it share a rise as springs in series do."""
     before = solved()
     slopes = Slopes.of(before, forces)
-    after = smoothed(before, forces, ALLOWANCE, EXCESS)
+    after = smoothed(before, forces, ALLOWANCE, EXCESS, LOCAL)
     assert after is not None
     assert slopes.roughness(after) < 0.5 * slopes.roughness(before)
     assert slopes.roughness(after) == pytest.approx(SMALL**2 * 60 / (1 + 1 / JUMP), rel=5e-3)
+
+
+def test_a_smoother_solution_that_the_last_solve_finds_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(smoothing, "MOST_SOLVES", 2)  # limits are passed after the first
+    before = solved()
+    after = smoothed(before, forces, ALLOWANCE, EXCESS, LOCAL)
+    assert after is not None
+    slopes = Slopes.of(before, forces)
+    assert slopes.roughness(after) < slopes.roughness(before)
+
+
+def test_what_errs_by_more_than_is_allowed_is_no_smoother_solution() -> None:
+    """No local error is negative."""
+    assert smoothed(solved(), forces, ALLOWANCE, EXCESS, -1.0) is None

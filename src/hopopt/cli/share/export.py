@@ -1,13 +1,12 @@
 """The command that writes a leg, or a planned hop, for other programs: export."""
 
-import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from hopopt.cli.options import AsJson, Overrides, note, write_new, written
+from hopopt.cli.options import AsJson, Overrides, check_new, note, write_new, written
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design
 from hopopt.errors import ResultError, UsageError
@@ -18,6 +17,7 @@ from hopopt.planner.checks.smooth_plan import smooth_plan
 from hopopt.planner.reserve import TrackedPlan
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load, resolved_toml
+from hopopt.storage.folder import fitting
 from hopopt.storage.motions import ROBUST, read_plan
 from hopopt.storage.solution import read
 from hopopt.verify.table import NORMALISED_TIMES
@@ -97,6 +97,7 @@ def export(
             raise UsageError("--set changes an entry of a problem: a planned hop is exported as it was solved")
         suffix, write = EXPORTS[format_]
         made.append(output or Path(f"{Path(what).resolve().name}.{suffix}"))
+        check_new(made[-1])
         write_new(made[-1], write((_smooth_plan if smooth else _verified_plan)(Path(what))))
     if urdf is not None or mjcf is not None:
         file = Path(what) / "problem.toml"
@@ -117,8 +118,7 @@ def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None, dc_motors: 
     if mjcf is not None:
         texts[mjcf] = to_mjcf(robot, dc_motors)
     for path in texts:
-        if os.path.lexists(path):
-            raise UsageError(f"{path} exists already and is not overwritten: choose another name")
+        check_new(path)
     for path, text in texts.items():
         write_new(path, text)
     return list(texts)
@@ -132,7 +132,9 @@ def _verified_plan(folder: Path) -> TrackedPlan:
     if not verified:
         raise ResultError(NOT_VERIFIED.format(folder))
     if isinstance(found.motion, Solution) and found.motion.summary.flat:
-        note("its torques may have saw teeth where the objective hardly depends on them: --smooth takes these out")
+        note(
+            "its torques may have saw teeth where the objective hardly depends on them: --smooth looks for a plan without"
+        )
     return found
 
 
@@ -143,9 +145,12 @@ def _smooth_plan(folder: Path) -> TrackedPlan:
             f"{folder}: --smooth is for a solved hop: a robust plan's torques are smooth enough to be tracked"
         )
     solution = read(folder)
+    for words in solution.doubts:
+        note(words)
     if not solution.verified:
         raise ResultError(NOT_VERIFIED.format(folder))
-    found = smooth_plan(solution)
+    with fitting(folder):
+        found = smooth_plan(solution)
     s, leg = solution.summary, solution.design.leg
     joints = zip(leg.joints, *found.variation.tolist(), strict=True)
     varies = [f"{j} by {after:.4g} in place of {before:.4g} {leg.units(j).tau}" for j, before, after in joints]

@@ -12,7 +12,8 @@ counts as a slope over a JUMP-th of the interval.
 The settled program is solved again with epsilon times Q added to its cost: Q = 1/2 sum of w d^2 with weights w = phi'(d) / d of
 the last solution lies above Phi and touches it there (iteratively reweighted least squares). What is best for the sum cannot
 have lost more than epsilon Q of the last solution. So epsilon is what may be lost, over that Q. Where a limit is passed between
-the nodes, it is enforced or tightened there, and the program solved again.
+the nodes, it is enforced or tightened there, and the program solved again. Where it is not solved, or its local error is more
+than is allowed, or too much is lost, it is solved with a smaller epsilon.
 """
 
 from collections.abc import Callable
@@ -29,7 +30,7 @@ from scipy.sparse import diags_array
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.layout import Stage
 from hopopt.nlp.program import Program
-from hopopt.nlp.refinement.continuous_limits import Chosen, Enforced, coming_close, enforced_in, enforcing
+from hopopt.nlp.refinement.continuous_limits import Chosen, Enforced, coming_close, enforced_in, enforcing, holds
 from hopopt.nlp.refinement.interval_errors import interval_errors
 from hopopt.nlp.refinement.tightening import Errors, passed, tightened
 from hopopt.nlp.refinement.tightening_cost import BARRIER
@@ -41,8 +42,12 @@ from hopopt.ocp.problem import Instant, stack, symbols
 
 STEEP = 10.0  # slope per duration: what changes by its whole size in a tenth of the hop or faster is a jump
 JUMP = 20  # parts of an interval: over one of them a jump is a slope
-SOLVES, MOST_SOLVES = 2, 4  # each with the weights of the one before; more where limits are passed between the nodes
-SHARE = 0.1  # of the allowance that a solve may lose: with all of it solo12_leg is not solved; of that again where one is not
+SOLVES, MOST_SOLVES = (
+    2,
+    7,
+)  # each with the weights of the one before; more where one is not solved or passes what it may not
+SHARE = 0.1  # of the allowance that a solve may lose: with all of it solo12_leg is not solved
+LESS = 0.1  # of the share, where so much spoils a solve
 LEAST = 1e-12  # Q of what is smooth already
 OPTIONS = WAYS[0] | {"ipopt.max_iter": 100}
 Quantities = Callable[
@@ -142,17 +147,19 @@ class Slopes:
 
 
 def smoothed(
-    solution: NlpSolution, quantities: Quantities, allowance: float, excess: float, until: Deadline = NEVER
-) -> NlpSolution | None:
+    solution: NlpSolution, quantities: Quantities, allowance: float, excess: float, local_error: float,
+    until: Deadline = NEVER,
+) -> NlpSolution | None:  # fmt: skip
     """A solution on the same mesh whose quantities are smoother; None if none is found.
 
     solution: of the settled mesh, with its multipliers and bounds
     quantities: as many in every phase
     allowance: by how much the objective may be worse [its unit]
     excess: by how much limits may be passed between the nodes, scaled
+    local_error: how large it may be in any interval, scaled
     """
-    slopes, last = Slopes.of(solution, quantities), solution
-    chosen, bounds, share, solves = enforced_in(solution), None, SHARE, 0
+    slopes, last, found = Slopes.of(solution, quantities), solution, list[NlpSolution]()
+    chosen, bounds, share = enforced_in(solution), None, SHARE
     for _ in range(MOST_SOLVES):
         weight, Q = slopes.weighted(last)
         t = copy(solution.transcription)
@@ -161,19 +168,23 @@ def smoothed(
         bounds = bounds or _settled_bounds(solution, enforced)
         begin = replace(last, lam_g=enforced.multipliers(last.lam_g))
         again = NlpSolver(enforced.transcription, OPTIONS, until=until).again(begin, bounds)
-        if not again.success:
-            share *= SHARE
+        nodal = enforced.at_nodes(again) if again.success else None
+        errors = {name: interval_errors(nodal, name) for name in nodal.phases} if nodal else {}
+        if nodal is None or max(float(e.local.max()) for e in errors.values()) > local_error:
+            share *= LESS  # the mesh suits what was settled: further away it may not
             continue
-        solves += 1
-        last = enforced.at_nodes(again)
-        errors = {name: interval_errors(last, name) for name in last.phases}
+        last = nodal
         if max(float(e.excess.max()) for e in errors.values()) > excess:
             chosen, bounds = _stricter(last, errors, chosen, bounds, excess)
-        elif solves >= SOLVES:
-            found = _without_roughness(last, solution.transcription)
-            lost = found.transcription.problem.objective.cost(found.objective - solution.objective)
-            return found if lost <= allowance else None  # limits that were tightened may cost more
-    return None
+            continue
+        plain = _without_roughness(last, solution.transcription)
+        if t.problem.objective.cost(plain.objective - solution.objective) > allowance:
+            share *= LESS  # limits that were tightened may cost more
+            continue
+        found.append(plain)
+        if len(found) == SOLVES:
+            break
+    return min(found, key=slopes.roughness, default=None)
 
 
 def _without_roughness(s: NlpSolution, t: Transcription) -> NlpSolution:
@@ -241,6 +252,8 @@ def _within(scheme: Scheme) -> tuple[np.ndarray, np.ndarray]:
 
 def _stricter(s: NlpSolution, errors: Errors, chosen: Chosen, bounds: Bounds, excess: float) -> tuple[Chosen, Bounds]:
     """What is to be enforced between the nodes, and the bounds, after a solution that passes limits there."""
+    if not holds(s.transcription):
+        return chosen, tightened(bounds, s.transcription, {name: passed(e, excess) for name, e in errors.items()})
     close, amounts, enforced = coming_close(s, errors, excess), {}, {}
     for name, e in errors.items():
         smooth, over = s.transcription.layouts[name].stage.smooth, passed(e, excess)

@@ -76,16 +76,21 @@ def numerical_checks(
     """First-order conditions recomputed, error of every interval, settled objective, tightening cost, and the error
     of the objective, unless ``error`` is it already."""
     r, s = residuals(solution), design.solver
-    local = max(float(e.local.max()) for e in errors.values())
     return [
         Check("stationarity", r.stationarity, KKT, "scaled"),
         Check("constraints", r.feasibility, KKT, "scaled"),
         Check("complementarity", r.complementarity, KKT, "scaled"),
-        Check("local error of the intervals", local, s.tolerance, "scaled"),
+        local_error(design, errors),
         Check("change of the objective", change, s.objective_tolerance, "relative"),
         Check("tightening cost", tightening_cost(solution), s.price_tolerance, "relative"),
         (error or objective_error(solution)).check(),
     ]
+
+
+def local_error(design: Design, errors: Mapping[str, IntervalErrors]) -> Check:
+    """The check of the largest local error of all intervals; ``errors``: of every interval, by phase."""
+    local = max(float(e.local.max()) for e in errors.values())
+    return Check("local error of the intervals", local, design.solver.tolerance, "scaled")
 
 
 def stated_error(

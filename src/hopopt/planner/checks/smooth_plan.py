@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 
 from hopopt.drivetrain.motor import stall_torque
-from hopopt.errors import NotSolvedError
+from hopopt.errors import NotSolvedError, ResultError
 from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.refinement.interval_errors import interval_errors
 from hopopt.nlp.refinement.smoothing import Quantities, smoothed
 from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.hop import Hop
@@ -20,10 +21,11 @@ from hopopt.ocp.phases import FLIGHT, ON_GROUND, STANCE
 from hopopt.ocp.problem import Instant
 from hopopt.optimality.error_estimate import objective_error
 from hopopt.planner.attempts import EXCESS_MARGIN
-from hopopt.planner.checks.judge import plan_checks, stated_error
+from hopopt.planner.checks.judge import local_error, plan_checks, stated_error
+from hopopt.planner.checks.program_limits import program_limits
 from hopopt.planner.motion import Motion
 from hopopt.planner.refine_and_verify import stated_figure
-from hopopt.planner.solution import Solution, hop_of, stored_nlp
+from hopopt.planner.solution import Solution, has_multipliers, hop_of, stored_nlp
 from hopopt.verify.check import LIMIT, Check, failed
 
 LOST = 1e-5  # share of the objective that smoothness may cost, and of a height this at most [m]
@@ -36,7 +38,7 @@ class SmoothPlan:
 
     motion: the plan
     claims: what is stated of it, by name [the name's unit]
-    checks: of its table, and of its simulation in one piece; all passed
+    checks: of its intervals' errors, of its table, and of its simulation in one piece; all passed
     value: its objective [the objective's unit]
     lost: by how much that is worse than the hop's [the same]
     variation: total variation of each joint's motor torque, of the hop and of the plan, (2, n) [N m]
@@ -52,28 +54,36 @@ class SmoothPlan:
 
 def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
     """A plan that loses at most LOST of a solved hop's objective and whose torques vary less; NotSolvedError, with what failed,
-    where there is none."""
+    where there is none. ResultError without stored multipliers."""
+    if not has_multipliers(solution):
+        raise ResultError(f"{_named(solution)}: the file holds no multipliers: solve it again")
     hop = hop_of(solution)
     settled, goal = stored_nlp(solution, hop.problem), hop.objective
     most = LOST * settled.magnitude
     most = min(most, LOST) if goal.unit == "m" else most
-    found = smoothed(settled, torque_shares(hop), most, EXCESS_MARGIN * LIMIT, until)
+    found = smoothed(settled, torque_shares(hop), most, EXCESS_MARGIN * LIMIT, hop.design.solver.tolerance, until)
     if found is None:
         raise NotSolvedError(f"{_named(solution)}: no smoother plan was found: take the hop as it is", [])
     stated = stated_figure(hop, found)
     plan = replace(Motion(hop.design, goal.name, found.phases, stated=stated), own=solution.own)
     claims = {**plan.claims(), **stated}
     rollout, _ = stated_error(plan, found, goal, objective_error(found), claims)
-    checks = (*plan_checks(plan, goal, hop.own, claims), *rollout)
+    errors = {name: interval_errors(found, name) for name in found.phases}
+    checks = [local_error(hop.design, errors), *plan_checks(plan, goal, hop.own, claims)]
+    checks += [*program_limits(found, errors, {check.name for check in checks}), *rollout]
     value = claims[goal.figure]
     lost = goal.sign * (solution.summary.objective_value - value)
     variation = np.array([total_variation(solution), total_variation(plan)])
-    wrong = [f"{c.name}: {c.residual:.1e} for {c.tolerance:.0e} {c.unit}" for c in failed(list(checks))]
+    wrong = [f"{c.name}: {c.residual:.1e} for {c.tolerance:.0e} {c.unit}" for c in failed(checks)]
     if lost > most:
         wrong.append(f"the objective: {lost:.1e} {goal.unit} worse, {most:.1e} are allowed")
+    stall = np.array([stall_torque(hop.leg, j, plan.robot.parameters) for j in hop.leg.joints], dtype=float)
+    before, after = (variation / stall).sum(axis=1)
+    if after >= before:
+        wrong.append(f"the torques: they vary by {after:.4g} of their stall torques in place of {before:.4g}")
     if wrong:
         raise NotSolvedError(f"{_named(solution)}: the smoother plan is not as good: take the hop as it is", wrong)
-    return SmoothPlan(plan, claims, checks, value, lost, variation)
+    return SmoothPlan(plan, claims, tuple(checks), value, lost, variation)
 
 
 def torque_shares(hop: Hop) -> Quantities:
