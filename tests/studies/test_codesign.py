@@ -488,7 +488,8 @@ def test_free_points_of_a_table_beat_a_ratio_that_is_one_for_all_angles(tmp_path
     assert found is not None
     assert found.table is not None
     assert (np.diff(found.table.ratio) <= 0).all()
-    fixed = ho.solve(ho.load("paper"), free={"leg.knee.gear.ratio": (15, 250)}, starts=1, processes=1)
+    own = ho.load("paper", {"leg.knee.gear.ratio": 100.0})
+    fixed = ho.solve(own, free={"leg.knee.gear.ratio": (15, 250)}, starts=1, processes=1)
     assert s.clearance > fixed.clearance
     assert recheck(save(s, tmp_path)).verified
 
