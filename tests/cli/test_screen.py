@@ -6,6 +6,8 @@ import time
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -16,7 +18,7 @@ from hopopt.cli.screen.checks import checks as shown_checks
 from hopopt.cli.screen.checks import structure_lines
 from hopopt.cli.screen.console import NamedLines, progress, show
 from hopopt.cli.screen.details import whole
-from hopopt.cli.screen.motion import hard
+from hopopt.cli.screen.motion import drive_lines, hard
 from hopopt.cli.screen.studies import of_sweep
 from hopopt.cli.studies import sensitivity
 from hopopt.comparison.compare import compare
@@ -34,6 +36,7 @@ from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point_file import VERIFIED, Point
 from hopopt.studies.sweep.run import Study
 from hopopt.verify.check import Check
+from hopopt.verify.drives import JointLosses, SupplyFigures
 from hopopt.verify.whole_hop import left_out
 
 LONG = "hip: " + ", then ".join(f"torque-speed line backward until 0.{k:03d} s" for k in range(100, 120))
@@ -188,6 +191,21 @@ def test_a_foot_that_is_swung_onto_the_ground_is_named() -> None:
     assert hard(fallen, 0.8, 9.81) == []
     (line,) = hard(swung, 0.8, 9.81)
     assert "as fast as by a fall from 3.95 m; hop.touchdown_speed limits that" in line
+
+
+@pytest.mark.parametrize(("burnt", "told"), [(1e-9, False), (0.04, False), (0.06, True), (None, False)])
+def test_energy_is_told_of_one_leg_or_of_all_and_only_where_it_is_any(burnt: float | None, told: bool) -> None:
+    s: Any = SimpleNamespace(
+        losses={"hip": JointLosses(0.0, 0.0, 200.0), "knee": JointLosses(0.0, 0.0, 378.0)},
+        supply=SupplyFigures(40.0, 90.0, 2761.6, burnt_J=burnt),
+        objective_error=SimpleNamespace(simulated=SimpleNamespace(sharper_gears_m=None)),
+    )
+    (line,), (alone,) = drive_lines(s, 4.0), drive_lines(s, 1.0)
+    assert line.startswith("heat of windings 578.0 J in one leg; ")
+    assert "2761.6 J drawn by all 4 legs" in line
+    assert ("0.1 J fed back and burnt" in line) is told
+    assert ("burnt" in line) is told
+    assert "leg" not in alone
 
 
 def test_a_time_limit_ends_in_its_sentence(hop: Solution) -> None:

@@ -28,7 +28,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.mujoco import replay
-from hopopt.verify.drives import losses
+from hopopt.verify.drives import losses, supply_figures
 from hopopt.verify.whole_hop import whole_hop_rollout
 from once import plan_with_reserve, solved_once
 
@@ -153,7 +153,7 @@ def test_a_plan_replayed_and_tracked_reaches_what_it_claims(hop: Solution) -> No
 
 @pytest.mark.rarely
 def test_losses_and_supply_are_told_and_balance(hop: Solution) -> None:
-    """What the supply gives is what the machine gains, what becomes heat, and what is fed back and burnt, to 1e-6."""
+    """What the supply gives is what each machine gains and what becomes heat in it, and what is fed back and burnt, to 1e-6."""
     s, (stall, speed) = hop.summary, stall_and_speed(hop.design)
     assert s.losses is not None
     assert s.supply is not None
@@ -171,6 +171,10 @@ def test_losses_and_supply_are_told_and_balance(hop: Solution) -> None:
         drawn += float(np.trapezoid(np.maximum(power, 0.0), samples.t))
     assert used == pytest.approx(heat + gained, rel=1e-6)
     assert s.supply.energy_J == pytest.approx(heat + gained + s.supply.burnt_J, rel=1e-6)
+    two = supply_figures(build_robot(load("paper", REAL | {"supply.legs": 2.0}).leg), hop.tables)
+    assert two is not None
+    assert two.burnt_J is not None
+    assert two.energy_J == pytest.approx(2 * (heat + gained) + two.burnt_J, rel=1e-6)
     assert s.supply.energy_J == pytest.approx(drawn, rel=1e-4)  # its law is smooth where motors feed back
     assert all(x.gear > 0 for x in losses(hop.robot, hop.tables).values())
 

@@ -171,7 +171,7 @@ def drives_go_on(machine: Machine, design: Design, tables: Mapping[str, Table]) 
 
 @dataclass(frozen=True)
 class JointLosses(Strict):
-    """What the drive of a joint turns into heat over the hop [J]."""
+    """What the drive of a joint turns into heat over the hop [J], of one leg."""
 
     gear: float = stated("by the gear's efficiency [J]")
     friction: float = stated("by the gear's Coulomb and viscous friction [J]")
@@ -185,7 +185,9 @@ class SupplyFigures(Strict):
     lowest_voltage_V: float = stated("of the bus at its terminals [V]")
     peak_current_A: float = stated("of each supply [A]")
     energy_J: float = stated("drawn at its terminals, by all legs [J]")
-    burnt_J: float | None = if_any("of what the motors feed back, burnt [J]; left out where the supply takes it back")
+    burnt_J: float | None = if_any(
+        "of what the motors feed back, burnt [J], by all legs; left out where the supply takes it back"
+    )
 
 
 def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:

@@ -13,6 +13,7 @@ from hopopt.verify.hops.heat import JointHeat
 from hopopt.verify.whole_hop import SHARPER
 
 NO_HEAT = 1e-6  # J
+TOLD_HEAT = 0.05  # J: what is printed as 0.1 J at least
 NO_STEP = 1e-6  # of the clearance: a step that is none
 SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
 
@@ -41,7 +42,7 @@ def hop_lines(s: Summary, design: Design) -> list[str]:
         f"{lift.vertical_m_s:.2f} m/s up and {lift.horizontal_m_s:+.2f} m/s along, peak ground force "
         f"{s.peak_ground_force_N:.0f} N",
         *box,
-        *drive_lines(s),
+        *drive_lines(s, 1.0 if design.leg.supply is None else design.leg.supply.legs),
         *spring_lines(s, design.leg),
         *heat_lines(s),
         *nearest_lines(s.collision),
@@ -65,8 +66,8 @@ def nearest_lines(c: Collision | None) -> list[str]:
     return [f"nearest: {one} passes {other} {gap}, at {c.time_s:.3f} s{beside}"]
 
 
-def drive_lines(s: Summary) -> list[str]:
-    """What gears and windings turn into heat, and what that asks of the supply."""
+def drive_lines(s: Summary, legs: float) -> list[str]:
+    """What gears and windings turn into heat, and what that asks of the supply, which feeds so many legs."""
     lost = list((s.losses or {}).values())
     gears = {"gears": sum(x.gear for x in lost), "their friction": sum(x.friction for x in lost)}
     windings = [x.winding for x in lost if x.winding is not None]
@@ -75,13 +76,14 @@ def drive_lines(s: Summary) -> list[str]:
     )
     if not known:
         return []
-    words = f"heat of {', '.join(f'{name} {heat:.1f} J' for name, heat in known.items())}"
+    one, all_of_them = (" in one leg", f" by all {legs:g} legs") if legs != 1 else ("", "")
+    words = f"heat of {', '.join(f'{name} {heat:.1f} J' for name, heat in known.items())}{one}"
     if (sharper := s.objective_error.simulated.sharper_gears_m) is not None:
         words += f"; simulated with gears that change sides {SHARPER:g} times as sharply {sharper:.4f} m"
     if (supply := s.supply) is None:
         return [words]
-    sags = f"voltage down to {supply.lowest_voltage_V:.1f} V, up to {supply.peak_current_A:.0f} A, {supply.energy_J:.1f} J drawn"
-    if supply.burnt_J:
+    sags = f"voltage down to {supply.lowest_voltage_V:.1f} V, up to {supply.peak_current_A:.0f} A, {supply.energy_J:.1f} J drawn{all_of_them}"
+    if (supply.burnt_J or 0.0) > TOLD_HEAT:
         sags += f", {supply.burnt_J:.1f} J fed back and burnt"
     return [f"{words}; supply: {sags}"]
 
