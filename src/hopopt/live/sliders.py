@@ -12,9 +12,9 @@ from hopopt.errors import UsageError
 from hopopt.problem.catalogue import catalogue
 from hopopt.problem.catalogue_facts import KINDS
 from hopopt.problem.load import changed
-from hopopt.problem.render import rows, shown_path, value_at, values_of
+from hopopt.problem.render import place, rows, shown_path, unit_at, value_at, values_of
 from hopopt.studies.choose.pairs import drives_mass
-from hopopt.studies.sweep.definition import Axis, axis, check_entry, place, whole_number
+from hopopt.studies.sweep.definition import Axis, axis, check_entry, whole_number
 
 COUNT = 10  # sliders, unless entries are named
 LEAST, MOST = 0.5, 2.0  # share of an entry's value that its slider goes down to, and up to
@@ -136,7 +136,7 @@ def _slider(design: Design, entry: str, ends: tuple[float, float] | None) -> Sli
         check_entry(design, Axis(entry, (low, high)))
     whole = whole_number(design, entry)
     begin = min(max(float(value), low), high) if isinstance(value, (int, float)) else high
-    made = Slider(entry, row.meaning if row else "", row.unit if row else "", begin, low, high, WHOLE)
+    made = Slider(entry, row.meaning if row else "", unit_at(design, entry), begin, low, high, WHOLE)
     if whole:
         return replace(made, value=float(round(begin)), low=float(math.ceil(low)), high=float(math.floor(high)))
     return replace(made, step=_round_step((high - low) / STEPS))

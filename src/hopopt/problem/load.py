@@ -19,13 +19,12 @@ from hopopt.problem.checking.faults import OVERRIDE, Report
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.named_parts import gives, named, with_numbers
 from hopopt.problem.reading import MAX_DEPTH, beside, read_tables, too_deep
-from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path, values_of
+from hopopt.problem.render import Row, as_json, design_hash, place, resolved_toml, rows, shown, shown_path, values_of
 from hopopt.problem.urdf.leg import ENTRIES, located, with_leg
 
 __all__ = ["Row", "as_json", "builtin_names", "design_hash", "load", "resolved_toml", "rows", "template"]
 
 BARE_NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}")  # no separators, no drive letters, no leading dot
-ONE_OF_LIST = re.compile(r"(.+)\[(\d{1,3})\]", re.ASCII)
 EXCLUSIVE = (("hip_height", "joint_angles"), ("joint_angles", "hip_height"))  # the later layer's start counts
 
 
@@ -97,10 +96,10 @@ def _whole_lists(design: Design, entries: Mapping[str, Any]) -> dict[str, Any]:
     """The entries with whole lists in place of single values of them, such as hop.stance_duration[1]."""
     found = dict[str, Any]()
     for entry, value in entries.items():
-        one = ONE_OF_LIST.fullmatch(entry)
-        listed = found.get(one[1], values_of(design).get(one[1])) if one else None
-        if one and isinstance(listed, (tuple, list)) and int(one[2]) < len(listed):
-            found[one[1]] = [value if k == int(one[2]) else x for k, x in enumerate(listed)]
+        path, index = place(entry)
+        listed = None if index is None else found.get(path, values_of(design).get(path))
+        if index is not None and isinstance(listed, (tuple, list)) and index < len(listed):
+            found[path] = [value if k == index else x for k, x in enumerate(listed)]
         else:
             found[entry] = value
     return found

@@ -16,6 +16,8 @@ from hopopt.design.problem import OwnParameter
 from hopopt.drivetrain import springs
 from hopopt.leg.scales import reserve_of
 
+ONE_OF_LIST = re.compile(r"(.+)\[(\d{1,3})\]", re.ASCII)
+
 
 @dataclass(frozen=True)
 class Row:
@@ -35,22 +37,28 @@ def rows(design: Design) -> list[Row]:
     return sorted(found, key=lambda row: "." in row.path)  # TOML wants the top entries before the tables
 
 
+def place(path: str) -> tuple[str, int | None]:
+    """The entry at ``path``, and which of its list's numbers: ("hop.stance_duration", 1) of hop.stance_duration[1]."""
+    one = ONE_OF_LIST.fullmatch(path)
+    return (one[1], int(one[2])) if one else (path, None)
+
+
 def unit_at(design: Design, path: str) -> str:
     """The unit of the entry at ``path``, or of one number of a list of them: start.joint_angles[1]; empty if there is none."""
-    entry, _, index = path.partition("[")
-    if entry == "start.joint_angles" and index:
-        return design.leg.units(design.leg.joints[int(index[:-1])]).q
+    entry, index = place(path)
+    if entry == "start.joint_angles" and index is not None:
+        return design.leg.units(design.leg.joints[index]).q
     return {row.path: row.unit for row in rows(design)}.get(entry, "")
 
 
 def value_at(design: Design, path: str) -> Any:
     """The value of the entry at ``path``, or of one number of a list of them: hop.stance_duration[1]; None if there is none."""
-    entry, _, index = path.partition("[")
+    entry, index = place(path)
     value = values_of(design).get(entry)
-    if not index:
+    if index is None:
         return value
-    listed, k = value if isinstance(value, (tuple, list)) else (), int(index[:-1])
-    return listed[k] if k < len(listed) else None
+    listed = value if isinstance(value, (tuple, list)) else ()
+    return listed[index] if index < len(listed) else None
 
 
 def _unit(leg: Leg, path: str, unit: str) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.ocp.objectives.registry import find
+from hopopt.problem.render import place
 from hopopt.report.chart import Chart, round_numbers, span
 from hopopt.report.html import render
 from hopopt.storage.seal.digests import changed, manifest_of
@@ -107,10 +108,10 @@ def _varied(study: Study) -> dict[str, str]:
     """By varied entry, what was tried; of a list by the place in it."""
     found = dict[str, str]()
     for a in study.definition.axes:
-        path, bracket, place = a.entry.partition("[")
+        path, index = place(a.entry)
         values = ", ".join(a.names or (f"{x:g}" for x in a.values)) or f"{a.lower:g} to {a.upper:g}"
         before = f"{found[path]}; " if path in found else ""
-        found[path] = f"{before}varied{f' {bracket}{place}' if bracket else ''}: {values}"
+        found[path] = f"{before}varied{'' if index is None else f' [{index}]'}: {values}"
     return found
 
 

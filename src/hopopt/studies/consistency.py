@@ -15,7 +15,8 @@ RELAXING = {
     "contact.friction": 1, "contact.least_force": -1, "hop.stance_duration[1]": 1, "hop.stance_duration[0]": -1,
     "hop.flight_duration[1]": 1, "hop.flight_duration[0]": -1, "hop.foot_window": 1, "hop.least_height": -1,
     "hop.clearance": -1, "motor.max_torque": 1, "motor.max_speed": 1, "motor.torque_cap": 1, "gear.torque_cap": 1,
-    "motor.max_force": 1, "motor.max_velocity": 1, "motor.force_cap": 1, "gear.speed_cap": 1, ".upper": 1, ".lower": -1, "hop.touchdown_loss": 1, "hop.touchdown_impulse": 1,
+    "motor.max_force": 1, "motor.max_velocity": 1, "motor.force_cap": 1, "gear.speed_cap": 1, ".upper": 1, ".lower": -1,
+    "hop.touchdown_loss": 1, "hop.touchdown_impulse": 1,
     "hop.touchdown_speed": 1, "hop.touchdown_gear_torque": 1, "hop.touchdown_time": 1, "hop.landing_duration[1]": 1,
     "hop.landing_duration[0]": -1,
 }  # fmt: skip

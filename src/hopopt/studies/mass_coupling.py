@@ -16,6 +16,7 @@ from hopopt.errors import UsageError
 from hopopt.ocp.free_parameters import Coupling, FreeParameters
 from hopopt.problem.checking.mass_law import PART_TORQUES, MassLaw, mass_law
 from hopopt.problem.checking.wording import did_you_mean
+from hopopt.problem.render import place
 
 ASKED = re.compile(r"\s*catalogue\s*:\s*([\w.-]+)\s+by\s+([\w.-]+(?:\s+and\s+[\w.-]+)*)\s*")
 HOW_TO_COUPLE = 'write "catalogue: leg.body.mass by leg.motor.max_torque", further torques after "and"'
@@ -152,7 +153,7 @@ def keeps_order(c: Coupling, free: Mapping[str, tuple[float, float]], known: Map
     if _can_be_met(c, free, known):
         return
     more, less = c.entries
-    way = "falling" if int(more.split("[")[1][:-1]) < int(less.split("[")[1][:-1]) else "rising"
+    way = "falling" if (place(more)[1] or 0) < (place(less)[1] or 0) else "rising"
     says = " and ".join(
         f"{entry} is {known[entry]:g}" if entry not in free else "{} is {:g} to {:g}".format(entry, *free[entry])
         for entry in sorted(c.entries)

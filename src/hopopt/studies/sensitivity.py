@@ -25,7 +25,7 @@ from hopopt.optimality.directions.parametric_sensitivity import Slopes, gradient
 from hopopt.optimality.directions.touchdown_slopes import touchdown_slopes
 from hopopt.planner.answer.program_figures import by_friction
 from hopopt.planner.solution import Solution, stored_nlp
-from hopopt.problem.render import rows, unit_at
+from hopopt.problem.render import unit_at, value_at
 from hopopt.studies.influence import Influence
 
 FELT_HEIGHT = 1e-6  # [m] on the paper's leg, of another objective a share, that twice an entry's value must make of two sides that differ
@@ -48,11 +48,10 @@ def sensitivity(solution: Solution) -> list[Influence]:
     found = all_of(nlp)
     sizes = derivatives(design, magnitudes(nlp), signed=False)
     more, less, between = _sides(nlp, lambda s: np.array([slope for slope, _ in all_of(s).values()]))
-    entries, influences = {row.path: row for row in rows(design)}, []
+    influences = list[Influence]()
     hardly = FELT_HEIGHT * (Scale.of(design.leg).length if unit == "m" else abs(nlp.objective))
     for k, (name, (_, part_of)) in enumerate(found.items()):
-        path, _, index = (part_of or name).partition("[")
-        value = entries[path].value[int(index[:-1])] if index else entries[path].value
+        value = value_at(design, part_of or name)
         felt = abs(more[k] - less[k]) * max(abs(value), 1.0)
         smooth = felt <= hardly or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
         error = error_of(solution, sizes[name][0], float(value))

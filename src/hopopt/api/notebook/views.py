@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
 INSTANTS = 201  # of a hop, if no times are given
 NOTEBOOK_ROWS = 12  # of a table in a notebook
-OF_JOINTS: Mapping[
-    str, tuple[str, Mapping[str, str]]
-] = {  # field of Units, and how it is called of a joint that slides
+# Of a variable of joints: field of Units, and how it is called of a joint that slides.
+OF_JOINTS: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "angle": ("q", {"travel": "travel"}),
     "speed": ("v", {}),
     "angular_acceleration": ("a", {"travel": "acceleration"}),

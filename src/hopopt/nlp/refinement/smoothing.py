@@ -42,17 +42,14 @@ from hopopt.ocp.problem import Instant, stack, symbols
 
 STEEP = 10.0  # slope per duration: what changes by its whole size in a tenth of the hop or faster is a jump
 JUMP = 20  # parts of an interval: over one of them a jump is a slope
-SOLVES, MOST_SOLVES = (
-    2,
-    7,
-)  # each with the weights of the one before; more where one is not solved or passes what it may not
+SOLVES = 2  # each with the weights of the one before
+MOST_SOLVES = 7  # where some are not solved, or pass what they may not
 SHARE = 0.1  # of the allowance that a solve may lose: with all of it solo12_leg is not solved
 LESS = 0.1  # of the share, where so much spoils a solve
 LEAST = 1e-12  # Q of what is smooth already
 OPTIONS = WAYS[0] | {"ipopt.max_iter": 100}
-Quantities = Callable[
-    [str, Instant], ca.SX
-]  # what is to be smooth at an instant of a phase, by its name, dimensionless
+# What is to be smooth at an instant of a phase, by its name, dimensionless.
+Quantities = Callable[[str, Instant], ca.SX]
 
 
 @dataclass(frozen=True)

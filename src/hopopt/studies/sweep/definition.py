@@ -16,7 +16,7 @@ from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives.registry import find
 from hopopt.problem.catalogue import Entry, catalogue
 from hopopt.problem.load import changed
-from hopopt.problem.render import design_hash, shown, shown_path, value_at, values_of
+from hopopt.problem.render import design_hash, place, shown, shown_path, value_at, values_of
 
 MOST_POINTS = 100_000  # points of a study
 LARGEST_VALUE = 1e15  # of a value; no entry of a problem comes near
@@ -259,16 +259,6 @@ def sampling(text: str) -> tuple[str, int]:
     return kind, int(count)
 
 
-def place(entry: str) -> tuple[str, int | None]:
-    """("hop.stance_duration", 1) from "hop.stance_duration[1]": an entry's path, and which of its values."""
-    path, bracket, index = entry.partition("[")
-    if not bracket:
-        return entry, None
-    if not re.fullmatch(r"\d{1,3}\]", index, re.ASCII):
-        raise UsageError(f"--vary {shown_path(entry)}: write a value of a list as hop.stance_duration[1]")
-    return path, int(index[:-1])
-
-
 def whole_number(design: Design, entry: str) -> bool:
     """Whether an entry takes whole numbers only."""
     return type(values_of(design).get(entry)) is int
@@ -277,6 +267,8 @@ def whole_number(design: Design, entry: str) -> bool:
 def check_entry(design: Design, a: Axis, own: Mapping[str, Entry] | None = None) -> None:
     """That there is such an entry, and that it is a number, or takes the names, with those of one's ``own``."""
     path, index = place(a.entry)
+    if "[" in path:
+        raise UsageError(f"--vary {shown_path(a.entry)}: write a value of a list as hop.stance_duration[1]")
     value = values_of(design).get(path)
     if index is not None and (not isinstance(value, (tuple, list)) or index >= len(value)):
         raise UsageError(f"--vary {shown_path(a.entry)}: there is no such value in {shown_path(path)}")
