@@ -53,10 +53,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What was imported stays: no search for garbage in it, and less in what tests make."""
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(100_000)  # as in a command (cli/main.py)
+    """Garbage is searched for as seldom as in a command (cli/main.py). Nothing is frozen: Hypothesis asks who refers to its
+    random numbers, and a frozen module is not found."""
+    gc.set_threshold(100_000)
 
 
 @pytest.fixture(scope="session", autouse=True)
