@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hopopt.drivetrain.gear import Gear, driven_joints, joint_torque, motor_torque
+from hopopt.drivetrain.gear import Gear, driven_joints, gears_of, joint_torque, motor_torque
 from hopopt.drivetrain.teeth.law import passed_torque, teeth_torque
-from hopopt.leg.robot import build_robot
+from hopopt.leg.robot import Robot, build_robot
 from hopopt.problem.load import load
-from hopopt.verify.drives import Drives, at_drives
+from hopopt.verify.drives import Drives, at_drives, losses, without_bends
 from hopopt.verify.hops.one_piece import planned
 from hopopt.verify.table import NORMALISED_TIMES, POWERS, Table
 
@@ -77,16 +77,37 @@ def test_driven_joints_move_as_they_are_said_to() -> None:
     np.testing.assert_allclose(motor_torque(gear, tau, w, a, rotor), motor, rtol=1e-10)
 
 
+def turning_round(robot: Robot) -> Table:
+    """An interval of 0.01 s at 3 rad/s, in which the teeth of both gears pass 18 N m at first and -22 N m at last."""
+    at, still = NORMALISED_TIMES[:, None], np.zeros((1, 9, 4))
+    tau, v = 40.0 * (0.45 - at) * np.ones(2), still + np.array([0.0, 0.0, 3.0, 3.0])
+    command = motor_torque(gears_of(robot.leg, robot.parameters), tau, v[0, :, 2:], still[0, :, 2:], robot.rotors)
+    return Table(0.01 * at.T, still, v, still, tau[None], still[..., :2], command[None])
+
+
+def test_heat_of_a_gear_is_exact_where_it_goes_from_driving_to_braking_within_an_interval() -> None:
+    """tau (1 / eta - 1) w before and -tau (1 - eta) w after, but for what the smooth law adds: sqrt(tau^2 + sharp^2) for |tau|."""
+    robot = build_robot(load("paper", {"leg.gear.efficiency": 0.7}).leg)
+    plan, gear = turning_round(robot), gears_of(robot.leg, robot.parameters)
+    closely = without_bends(robot, plan)
+    assert closely.t.shape == (2, 9)
+    assert closely.t[0, -1] == pytest.approx(0.0045, abs=1e-9)
+    ends, s = np.array([18.0, 22.0]), gear.sharp[0]
+    smooth = (ends * np.hypot(ends, s) + s**2 * np.arcsinh(ends / s)).sum() / 2  # integral of sqrt(tau^2 + s^2)
+    heat = (
+        3.0
+        * 0.01
+        / 40.0
+        * (((1 / 0.7 + 0.7) / 2 - 1) * (ends[0] ** 2 - ends[1] ** 2) / 2 + (1 / 0.7 - 0.7) / 2 * smooth)
+    )
+    for told in losses(robot, {"stance": plan}).values():
+        assert told.gear == pytest.approx(heat, rel=1e-4)
+
+
 def test_a_plan_asks_its_motor_by_the_law_between_nodes_too() -> None:
     """Where a gear goes from driving to braking within an interval: tau / eta before and tau eta after, which no polynomial is."""
     robot = build_robot(load("paper", {"leg.gear.efficiency": 0.7}).leg)
-    at = NORMALISED_TIMES[:, None]
-    still, tau = np.zeros((1, 9, 4)), 40.0 * (0.45 - at) * np.ones(2)
-    v = still + np.array([0.0, 0.0, 3.0, 3.0])
-    drives = Drives.of(robot)
-    assert drives.gear is not None
-    command = motor_torque(drives.gear, tau, v[0, :, 2:], still[0, :, 2:], robot.rotors)
-    plan = Table(0.01 * at.T, still, v, still, tau[None], still[..., :2], command[None])
+    drives, plan = Drives.of(robot), turning_round(robot)
     asked = planned(drives, plan, 0, at_drives(robot, plan))
     for place in (0.03, 0.4, 0.5, 0.97):
         out = 40.0 * (0.45 - place)

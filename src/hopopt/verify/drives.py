@@ -30,9 +30,10 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, STATE, Check
 from hopopt.verify.replay import missed
 from hopopt.verify.springs.at_drives import at_drives, rotors
-from hopopt.verify.table import LANDING, POWERS, STANCE, TO_POWERS, Table, over_time
+from hopopt.verify.table import LANDING, NORMALISED_TIMES, POWERS, STANCE, TO_POWERS, Table, cut, dense, over_time
 
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # drives' speeds and torques asked to torques given
+LOOKED_AT = np.linspace(0, 1, 65)  # normalised times of an interval, between which a change of sign is looked for
 
 
 @dataclass(frozen=True)
@@ -193,11 +194,12 @@ class SupplyFigures(Strict):
 def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
     """What becomes heat in each joint's drive [J], from the plan's torques and speeds."""
     leg, p, found = robot.leg, robot.parameters, dict[str, JointLosses]()
+    closely = {name: without_bends(robot, table) for name, table in tables.items()}
     for k, joint in enumerate(robot.joints):
         gear = Gear.of(leg, joint, p)
         known = leg.supply is not None or all(leg.drive(joint, "motor", entry)[1] is not None for entry in WINDING)
         heat, total = winding_heat(leg, joint, p), np.zeros(3)
-        for table in tables.values():
+        for table in closely.values():
             w, w_rate, tau = (each[..., k] for each in at_drives(robot, table))
             motor = table.asked[..., k]
             out, rubbing = tau - rotors(robot)[k] * w_rate, gear.of_one(1.0)
@@ -214,21 +216,53 @@ def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures |
     if leg.supply is None:
         return None
     lowest, peak, energy, used = np.inf, 0.0, 0.0, 0.0
-    for table in tables.values():
-        drives = [np.moveaxis(x, -1, 0) for x in (table.asked, robot.drive_speeds(table.q, table.v, table.drive))]
-        power = power_drawn(leg, p, *map(list, drives))
+    for table in (without_bends(robot, table) for table in tables.values()):
+        drives = _powers(robot, table)
+        power = power_drawn(leg, p, *drives)
         voltage = leg.supply.voltage * share_at(sag(leg, p), power)
         lowest = min(lowest, float(voltage.min()))
         peak = max(peak, float((power / voltage).max()) * leg.supply.legs / leg.supply.count)
         energy += leg.supply.legs * over_time(table, power)
-        used += leg.supply.legs * over_time(table, power_used(leg, p, *map(list, drives)))
+        used += leg.supply.legs * over_time(table, power_used(leg, p, *drives))
     burnt = None if leg.supply.recuperation else energy - used
     return SupplyFigures(lowest, peak, energy, burnt_J=burnt)
+
+
+def without_bends(robot: Robot, table: Table) -> Table:
+    """The table with its intervals cut where what passes a gear's teeth changes sides, and where a supply that takes nothing
+    back gives no more: there powers have a bend, which the polynomial of an interval does not follow."""
+    if not any_lossy(robot.leg) and (robot.leg.supply is None or robot.leg.supply.recuperation):
+        return table
+    _, rate, tau = at_drives(robot, table)
+    turning = tau - rotors(robot) * rate
+    if robot.leg.supply is not None:
+        turning = np.concatenate(
+            [turning, power_used(robot.leg, robot.parameters, *_powers(robot, table))[..., None]], -1
+        )
+    closely = cut(table, [_changes(x) for x in dense(NORMALISED_TIMES, turning, LOOKED_AT)])
+    if closely is table or table.command is None or added_states(robot.leg, robot.parameters).sprung:
+        return closely  # the torque of a motor in front of a spring is a polynomial
+    w, rate, tau = at_drives(robot, closely)
+    return replace(closely, command=motor_torque(gears_of(robot.leg, robot.parameters), tau, w, rate, rotors(robot)))
+
+
+def _changes(values: np.ndarray) -> np.ndarray:
+    """Normalised times at which columns of values at LOOKED_AT change their signs, by straight lines between them."""
+    at, column = np.nonzero(values[:-1] * values[1:] < 0)
+    before, after = values[at, column], values[at + 1, column]
+    return np.unique(LOOKED_AT[at] + np.diff(LOOKED_AT)[at] * before / (before - after))
+
+
+def _powers(robot: Robot, table: Table) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """What the drives' powers are of: their motors' torques [N m] and their speeds [rad/s], one (N, K) for each joint."""
+    torques, speeds = table.asked, robot.drive_speeds(table.q, table.v, table.drive)
+    return list(np.moveaxis(torques, -1, 0)), list(np.moveaxis(speeds, -1, 0))
 
 
 def balance(robot: Robot, machine: Machine, phase: str, table: Table) -> Check:
     """Work that the motors give = energy gained, that of springs and rotors too + what gears and springs' damping turn into
     heat, relative to the work done."""
+    table = without_bends(robot, table)
     lost = losses(robot, {phase: table})
     columns = [np.moveaxis(each, -1, 0) for each in (table.asked, at_drives(robot, table)[0])]
     drawn = sum(over_time(table, tau * w) for tau, w in zip(*columns, strict=True))

@@ -1,6 +1,8 @@
 """The plan as verification sees it: a table for each phase, as it lies in the result file."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
@@ -63,6 +65,21 @@ def dense(normalised_times: np.ndarray, values: np.ndarray, at: np.ndarray) -> n
     """Values (N, K, ...) at ``normalised_times`` (K,) of every interval, interpolated at ``at`` (k,): (N, k, ...)."""
     weights = BarycentricInterpolator(normalised_times, np.eye(len(normalised_times)), rng=0)(at)  # no order by chance
     return np.einsum("kp,ip...->ik...", weights, values)
+
+
+def cut(table: Table, at: Sequence[np.ndarray]) -> Table:
+    """The table with its N intervals cut, each at some normalised times of its own, in order; itself where there are none."""
+    if not any(len(own) for own in at):
+        return table
+    pieces: dict[str, list[np.ndarray]] = {name: [] for name in table.parts}
+    for k, own in enumerate(at):
+        ends = np.r_[0.0, own, 1.0]
+        for start, end in pairwise(ends.tolist()):
+            for name, found in pieces.items():
+                whole = getattr(table, name)[k : k + 1]
+                within = start + (end - start) * NORMALISED_TIMES
+                found.append(dense(NORMALISED_TIMES, whole, within) if len(own) else whole)
+    return Table(**{name: np.concatenate(found) for name, found in pieces.items()})
 
 
 def quadrature() -> np.ndarray:
