@@ -3,6 +3,7 @@
 import os
 import signal
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -11,6 +12,7 @@ import pytest
 from hopopt.cli.screen.answer import _headline
 from hopopt.cli.screen.search import global_line
 from hopopt.errors import UsageError
+from hopopt.global_search import applies
 from hopopt.nlp.refinement import mesh_refinement as refine
 from hopopt.ocp.guesses.initial_guess import starts
 from hopopt.ocp.hop import Hop
@@ -218,6 +220,18 @@ def test_one_start_is_no_search_and_the_first_line_says_so(one_push: Solution) -
 def test_a_result_that_states_no_verdict_is_judged_by_its_numbers(one_push: Solution) -> None:
     promised = GlobalMethod("some", (15,), 0.5 * one_push.clearance, False, motion_m=0.6 * one_push.clearance)
     assert global_line(one_push.with_summary(global_=promised).summary)[0].endswith(GRID_TOO_COARSE)
+
+
+def test_why_a_search_had_no_global_method_is_said(one_push: Solution, tmp_path: Path) -> None:
+    """Of a trunk on a vertical slider; nothing where one start was asked for."""
+    (tmp_path / "trunk.toml").write_text(
+        'extends = "paper"\n[leg]\nguides = ["z"]\n[leg.body.shapes.trunk]\nbox = [0.1, 0.1, 0.1]\n'
+    )
+    unused = GlobalMethod(None, None, None, False, reason=applies(load(tmp_path / "trunk.toml")))
+    searched = one_push.with_summary(global_=unused, searched=True)
+    (line,) = global_line(searched.summary)
+    assert line == "no global method was used: on a vertical slider it does not know what shape body and links have"
+    assert not global_line(one_push.with_summary(global_=unused).summary)
 
 
 @pytest.mark.slow

@@ -45,8 +45,11 @@ def _family(s: Summary, f: HopFamily) -> str:
 
 
 def global_line(s: Summary) -> list[str]:
-    """What the global method says of the answer, where it was used: the number, its parts, the verdict."""
+    """What the global method says of the answer: the number, its parts, the verdict; or why it was not used, where the search
+    was more than one start."""
     found = s.global_
+    if found is not None and found.reason and s.searched:
+        return [f"no global method was used: {found.reason}"]
     if found is None or found.grid is None or (most := highest(found.value_m, followed(found))) is None:
         return []
     parts = {"promised": found.value_m, "by its motions": found.motion_m, "by hops solved from them": found.solved_m}
