@@ -2,16 +2,23 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 import hopopt as ho
 from hopopt.cli.main import run
+from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.leg.geometry.hulls import coal
+from hopopt.leg.geometry.outlines import outlines, seen
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.hops.obstacle import distance
+from hopopt.ocp.hops.obstacle import distance, distance_of_polygon
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -83,6 +90,93 @@ def test_it_is_a_hop_that_lands() -> None:
     assert Hop(load("paper", {"hop.obstacle.width": 0.2}), "obstacle").design.hop.kind == "landing"
     again = {"hop.obstacle.width": 0.2, "hop.kind": "periodic", "hop.speed": 1.0}
     assert Hop(load("paper", again), "obstacle").design.hop.kind == "periodic"
+
+
+def test_a_polygon_is_clear_of_the_box_where_the_lowest_of_its_sides_above_the_box_is() -> None:
+    """Two ways again, of round links: any side may be the one that separates."""
+    rng, circle = np.random.default_rng(3), 2 * np.pi * np.arange(8) / 8
+    corner = [ca.SX.sym(f"c{k}", 2) for k in range(16)]
+    functions = dict[int, ca.Function]()
+    clear = 0
+    for _ in range(2000):
+        ends, radius = rng.uniform([-0.2, 0.0], [1.0, 1.2], (2, 2)), rng.uniform(0.01, 0.1)
+        points = (ends[:, None] + radius * np.stack([np.cos(circle), np.sin(circle)], axis=1)).reshape(-1, 2)
+        corners = points[ConvexHull(points).vertices]
+        k = len(corners)
+        if k not in functions:
+            own = corner[:k]
+            turned = [(b - a) / ca.norm_2(b - a) for a, b in zip(own, [*own[1:], own[0]], strict=True)]
+            sides = [(a, ca.vertcat(along[1], -along[0])) for a, along in zip(own, turned, strict=True)]
+            found = distance_of_polygon([own, own, own], sides, (0.3, 0.2, 0.5), SMOOTH)
+            functions[k] = ca.Function("distance", [ca.horzcat(*own)], [found])
+        lowest = height_over((corners, np.roll(corners, -1, axis=0)), 0.3, 0.2)
+        smooth = float(functions[k](corners.T))
+        assert smooth <= 0 or lowest > 0.5
+        assert smooth > 0 or lowest < 0.5 + 5 * SMOOTH
+        clear += lowest > 0.5
+    assert 300 < clear < 1700
+
+
+def test_an_outline_holds_all_that_is_measured() -> None:
+    """The planner's polygons about trunk and links have within them every corner that the second way measures."""
+    design = load_trunk()
+    shapes, q = outlines(design.leg), np.zeros((1, 4))
+    assert list(shapes) == ["trunk", "thigh", "shank"]
+    for shape, (corners,) in zip(shapes.values(), seen(design.leg, q), strict=True):
+        begin = np.array([0.0, -0.38]) if shape.name == "shank" else np.zeros(2)
+        outside = [np.max((corners - begin - a) @ away) for a, away in shape.faces]
+        assert max(outside) < 0.003 * 0.035
+    assert not outlines(design.model_copy(update={"leg": design.leg.model_copy(update={"lowest": "joints"})}).leg)
+    assert not outlines(load("paper").leg)
+
+
+TRUNK: dict[str, Any] = {  # of the body: x, y, z and where its middle is from the hip [m]; radii of the links [m]
+    "box": [0.4, 0.2, 0.16], "at": [-0.05, 0.0, 0.06], "thigh": 0.035, "shank": 0.025,
+}  # fmt: skip
+
+
+def load_trunk(more: str = "") -> Design:
+    """The paper's leg with a trunk and round links."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "trunk.toml"
+        file.write_text(
+            f'extends = "paper"\nname = "trunk"\n[leg.body.shapes.trunk]\nbox = {TRUNK["box"]}\nat = {TRUNK["at"]}\n'
+            f"[leg.thigh]\nradius = {TRUNK['thigh']}\n[leg.shank]\nradius = {TRUNK['shank']}\n[hop.obstacle]\nwidth = 0.2\n{more}"
+        )
+        return load(file)
+
+
+def capsule(a: np.ndarray, b: np.ndarray, radius: float) -> tuple[Any, Any]:
+    """coal's, from a to b (x, z) [m]."""
+    middle, along = (a + b) / 2, (b - a) / np.linalg.norm(b - a)
+    turn = np.array([[along[1], 0.0, along[0]], [0.0, 1.0, 0.0], [-along[0], 0.0, along[1]]])
+    return coal.Capsule(radius, float(np.linalg.norm(b - a))), coal.Transform3s(
+        turn, np.array([middle[0], 0.0, middle[1]])
+    )
+
+
+@pytest.mark.rarely
+def test_no_point_of_trunk_or_link_is_in_the_obstacle() -> None:
+    """By coal, which neither the planner's polygons nor the cut-off sides know, over a fine grid of times."""
+    found = solve(load_trunk("[solver]\nflight_intervals = 30\n"), "obstacle", starts=1, processes=1)
+    box, height = found.summary.obstacle, found.summary.obstacle_m
+    assert found.verified
+    assert box is not None
+    assert height is not None
+    middle = np.array([box.begins_m + box.width_m / 2, 0.0, height / 2])
+    solid, there = coal.Box(box.width_m, 2.0, height), coal.Transform3s(np.eye(3), middle)
+    s, least = found.sample(np.linspace(0.0, found.end, 4001)), np.inf
+    trunk = coal.Box(*TRUNK["box"])
+    for hip, knee, foot in zip(*(s.points[name] for name in ("hip", "knee", "foot")), strict=True):
+        at = np.array([hip[0], 0.0, hip[1]]) + TRUNK["at"]
+        bodies = [
+            (trunk, coal.Transform3s(np.eye(3), at)),
+            capsule(hip, knee, TRUNK["thigh"]),
+            capsule(knee, foot, TRUNK["shank"]),
+        ]
+        for body, place in bodies:
+            least = min(least, coal.distance(body, place, solid, there, coal.DistanceRequest(), coal.DistanceResult()))
+    assert -1e-5 < least < 5e-3  # of the reach 0.741 m, the smoothing and polygons together leave less
 
 
 @cache

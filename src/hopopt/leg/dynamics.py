@@ -87,6 +87,11 @@ class LegDynamics:
             com += body.mass * self._from_body(body, poses) / total
         return {**points, "com": com}
 
+    def places(self, q: ca.SX, points: Sequence[tuple[int, Sequence[float]]]) -> list[ca.SX]:
+        """World (x, z) [m] of points: the number of the link's joint, -1 of the body, and the place x, z [m] from there."""
+        poses = frames(self.robot.model, self.bodies, q)
+        return [point_position(poses, (BASE + 1 + joint, (x, 0.0, z)))[PLANE_ROWS] for joint, (x, z) in points]
+
     def _from_body(self, part: SideBody, poses: Frames) -> ca.SX:
         """Where the centre of mass of a five-bar's link is from the body (x, z) [m], as part of which it weighs in ``bodies``."""
         return (point_position(poses, (part.carrier, part.centre)) - poses.o[BASE])[PLANE_ROWS]

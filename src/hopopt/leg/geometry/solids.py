@@ -103,7 +103,7 @@ def counted_points(leg: Leg) -> list[tuple[str, int, tuple[float, ...]]]:
         found.append((TRUNK, BODY, (x, 0.0, z - low.radius)))
     for k, link in enumerate(leg.links[:-1]):
         if planar(leg) and (of_link := _of(all_solids, k)):
-            found += [(f"{link} {m + 1}", k, (x, 0.0, z)) for m, (x, z) in enumerate(_about(of_link).tolist())]
+            found += [(f"{link} {m + 1}", k, (x, 0.0, z)) for m, (x, z) in enumerate(about(of_link).tolist())]
     return found
 
 
@@ -112,7 +112,7 @@ def _of(found: Sequence[Solid], joint: int) -> list[Solid]:
     return [solid for solid in found if solid.joint == joint]
 
 
-def _about(found: Sequence[Solid]) -> np.ndarray:
+def about(found: Sequence[Solid]) -> np.ndarray:
     """Corners (SIDES, 2) x, z [m] of a polygon about solids, whose sides face as many directions."""
     turn = 2 * np.pi * np.arange(SIDES) / SIDES
     faces = np.stack([np.cos(turn), np.sin(turn)], axis=1)

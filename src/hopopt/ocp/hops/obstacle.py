@@ -7,14 +7,17 @@ it is never too large: greatest values are averages with Boltzmann weights, leas
 That keeps the leg away from the box by less than CORNER_ROUNDING of its length where two of these are equal.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from itertools import pairwise
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from hopopt.design import Design
+from hopopt.leg.geometry.outlines import Outline, outlines
+from hopopt.leg.geometry.solids import BODY
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.objectives.objective import HopObjective, height, tie_break_of
@@ -25,6 +28,7 @@ BOX_HEIGHT, BOX_AT = "obstacle", "obstacle at"  # height and near side of the bo
 OBSTACLE_STEP = "obstacle step"  # how far ahead the foot lands [m]
 BOX_WIDTH = "hop.obstacle.width"
 CORNER_ROUNDING = 2e-3  # of the leg's length
+Box = tuple[Any, Any, Any]  # near side, width and height [m]
 OBSTACLE = LimitId(Kind.OBSTACLE, key=BOX_WIDTH, unit="m")
 
 
@@ -33,23 +37,31 @@ def _links(leg: MovingLeg) -> list[tuple[str, str]]:
     return list(pairwise(leg.leg.chain))
 
 
+def _link_names(leg: MovingLeg) -> tuple[str, ...]:
+    """What moves between two points of the chain; the guide of a first joint that slides has no shape."""
+    return ("",) * (len(leg.leg.chain) - 1 - len(leg.leg.links)) + leg.leg.links
+
+
 def _clear(leg: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
-    """No link within the box ahead, or behind where the foot has landed beyond it; a hop that goes on and on has both."""
-    links, landed = _links(leg), phase.phase.name == LANDING
+    """No link within the box ahead, or behind where the foot has landed beyond it; a hop that goes on and on has both. Links with
+    shapes count by their outlines, and so does the trunk."""
+    landed, smooth, shapes = phase.phase.name == LANDING, CORNER_ROUNDING * leg.reach, outlines(leg.leg)
+    links = [ends for name, ends in zip(_link_names(leg), _links(leg), strict=True) if name not in shapes]
 
     def value(s: Instant) -> ca.SX:
-        points = leg.dynamics(s).points(phase.motion(s).q)
+        q = phase.motion(s).q
+        points = leg.dynamics(s).points(q)
         ahead, behind = s.p[BOX_AT], s.p[BOX_AT] - s.p[OBSTACLE_STEP]
         begins = [behind] * landed or [ahead, *[behind] * leg.design.hop.periodic]
+        boxes = [(begin, s.p[BOX_WIDTH], s.p[BOX_HEIGHT]) for begin in begins]
         return ca.vertcat(
-            *[
-                distance(points[top], points[end], begin, s.p[BOX_WIDTH], s.p[BOX_HEIGHT], CORNER_ROUNDING * leg.reach)
-                for begin in begins for top, end in links
-            ]
-        )  # fmt: skip
+            *[distance(points[top], points[end], *box, smooth) for box in boxes for top, end in links],
+            *[_of_outline(leg, s, q, shape, box) for box in boxes for shape in shapes.values()],
+        )
 
     beside = ("", " (behind)")[: 1 + leg.design.hop.periodic]
     labels = tuple(f"{top} to {end}{after}" for after in beside for top, end in links)
+    labels += tuple(f"{name}{after}" for after in beside for name in shapes)
     return (PathConstraint(OBSTACLE, value, 0.0, INF, scale=leg.reach, unit="m", labels=labels, smooth=False),)
 
 
@@ -68,6 +80,41 @@ def distance(a: ca.SX, b: ca.SX, begin: Any, width: Any, height: Any, smooth: fl
     behind = least([xa - begin - width, xb - begin - width], smooth)
     above = least([za - height, zb - height], smooth)
     return greatest([ahead, behind, above, least([over(begin), over(begin + width)], smooth)], smooth)
+
+
+def _of_outline(leg: MovingLeg, s: Instant, q: ca.SX, shape: Outline, box: Box) -> ca.SX:
+    """How far an outline is from a box [m] at a pose q (2 + n), as ``distance``."""
+    dynamics, faces = leg.dynamics(s), shape.faces_down if shape.joint == BODY else shape.faces
+
+    def placed(points: Iterable[np.ndarray]) -> list[ca.SX]:
+        return dynamics.places(q, [(shape.joint, (float(x), float(z))) for x, z in points])
+
+    starts = placed([a for a, _ in faces])
+    ends = placed([a + away for a, away in faces])
+    sides = [(a, end - a) for a, end in zip(starts, ends, strict=True)]
+    corners = [shape.corners] * 3 if shape.joint != BODY else [shape.corners[[k]] for k in shape.extremes]
+    return distance_of_polygon([placed(each) for each in corners], sides, box, CORNER_ROUNDING * leg.reach)
+
+
+def distance_of_polygon(
+    corners: Sequence[Sequence[ca.SX]], sides: Sequence[tuple[ca.SX, ca.SX]], box: Box, smooth: float
+) -> ca.SX:
+    """As ``distance``, of a convex polygon.
+
+    corners: those that may be foremost, hindmost and lowest, (x, z) [m]
+    sides: a point of each that may face down, and the unit vector outwards
+    """
+    (begin, width, height), (front, back, low) = box, corners
+
+    def over(a: ca.SX, away: ca.SX) -> ca.SX:
+        """Of both corners of the box from the line through a side, no more than 0 for one that faces up."""
+        heights = [away[0] * (x - a[0]) + away[1] * (height - a[1]) for x in (begin, begin + width)]
+        return least([*heights, -away[1] * smooth / CORNER_ROUNDING], smooth)
+
+    ahead = least([begin - c[0] for c in front], smooth)
+    behind = least([c[0] - begin - width for c in back], smooth)
+    above = least([c[1] - height for c in low], smooth)
+    return greatest([ahead, behind, above, *[over(*side) for side in sides]], smooth)
 
 
 def least(values: Sequence[ca.SX], smooth: float) -> ca.SX:

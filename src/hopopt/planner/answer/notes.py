@@ -4,6 +4,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import SolverError
+from hopopt.leg.geometry.outlines import outlines
 from hopopt.leg.geometry.solids import has_shape
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
@@ -34,8 +35,10 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
     if goal.ends != "required clearance" and (asked_for := best.design.hop.clearance) is not None:
         notes.append(f"hop.clearance = {asked_for:g} plays no part: the objective {goal.name} asks for no height")
-    if goal.figure == "obstacle_m" and has_shape(hop.design.leg):
-        notes.append("the obstacle is cleared by the lines of the links, not by their shapes, which may reach into it")
+    if goal.figure == "obstacle_m" and has_shape(hop.design.leg) and not outlines(hop.design.leg):
+        notes.append(
+            'leg.lowest = "joints": the obstacle is cleared by the lines of the links, not by shapes, which may reach into it'
+        )
     over = float(best.apex.points["foot"][0, 1] - best.apex.q[0, 1])
     if over > 0 and not has_shape(hop.design.leg):
         notes.append(

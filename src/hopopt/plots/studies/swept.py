@@ -7,6 +7,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from hopopt.leg.geometry.outlines import seen
 from hopopt.planner.solution import Solution
 from hopopt.plots.style import BLACK, COLOR, GREEN, GREY, PALE, TEXT, describe, legend, solution_figure
 
@@ -25,9 +26,14 @@ def obstacle(solution: Solution) -> Figure:
         for j in range(chain.shape[1] - 1)
     ]
     ax.add_collection(PolyCollection(quads, facecolors=PALE, edgecolors=PALE, linewidths=0.6, zorder=1))
+    shapes = seen(solution.robot.leg, samples.q)
+    for corners in shapes:
+        ax.add_collection(PolyCollection(list(corners), facecolors=PALE, edgecolors=PALE, linewidths=0.6, zorder=1))
     for k in np.unique(np.linspace(0, len(chain) - 1, DRAWN_POSES).astype(int)):
         phase = str(samples.phase[k])
         known = phase in ax.get_legend_handles_labels()[1]
+        poses = [corners[k] for corners in shapes]
+        ax.add_collection(PolyCollection(poses, facecolors=GREY, edgecolors="none", alpha=0.25, zorder=2.5))
         look = {"color": COLOR[phase], "lw": 2.2, "ms": 4, "mfc": "white", "zorder": 3}
         ax.plot(*chain[k].T, "-o", label=None if known else phase, **look)
         ax.plot(*chain[k, 0], "o", color=COLOR[phase], ms=11, zorder=4)

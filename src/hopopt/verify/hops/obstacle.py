@@ -1,8 +1,8 @@
-"""The highest box that a plan's leg clears, by the lower edge of the area that its links sweep.
+"""The highest box that a plan's leg clears, by the lower edge of the area that its links and shapes sweep.
 
 The box stands on the ground, so a link enters it if and only if the part of the link above the box's width comes lower
 than its height. No line between leg and box, as the planner has it, and no optimiser of the planner: forward kinematics of
-the plan's table, each link cut off at both sides of the box, the lowest point of all instants.
+the plan's table, each link and each side of a solid cut off at both sides of the box, the lowest point of all instants.
 """
 
 from collections.abc import Mapping
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hopopt.design import HopSettings
+from hopopt.leg.geometry.outlines import seen
 from hopopt.sim.machine import Machine
 from hopopt.verify.table import DESCENT, LANDING, NORMALISED_TIMES, Table, dense
 
@@ -46,15 +47,16 @@ def step(machine: Machine, tables: Mapping[str, Table]) -> float:
 
 
 def swept(machine: Machine, hop: HopSettings, tables: Mapping[str, Table]) -> Links:
-    """Every link at every instant; of a periodic hop, those of the hops before and after too, as far as they reach here."""
+    """Every link at every instant, and every side of shapes that count; of a periodic hop, those of the hops before and after too, as far as they reach here."""
     ahead, begins, ends = step(machine, tables), [], []
     for name, table in tables.items():
         q = dense(NORMALISED_TIMES, table.q, AT).reshape(-1, table.q.shape[-1])
         beside = np.array([ahead if name == LANDING else 0.0, 0.0])
         paths = machine.paths(q)
         chain = [paths[point] + beside for point in machine.robot.leg.chain]
-        begins += chain[:-1]
-        ends += chain[1:]
+        shapes = [corners + beside for corners in seen(machine.leg, q)]
+        begins += [*chain[:-1], *(corners.reshape(-1, 2) for corners in shapes)]
+        ends += [*chain[1:], *(np.roll(corners, -1, axis=1).reshape(-1, 2) for corners in shapes)]
     A, B = np.concatenate(begins), np.concatenate(ends)
     if not hop.periodic:
         return A, B
