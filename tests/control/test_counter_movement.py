@@ -35,7 +35,9 @@ def test_it_goes_down_as_chosen_and_up_as_computed() -> None:
     assert trace.t[figures.stance][heights.argmin()] == pytest.approx(chosen.movement.duration, abs=0.03)
     assert trace.f[figures.stance, 1].min() > -2.0
     assert figures.clearance > tuck.figures.clearance + 0.01
-    assert run.limited_by.startswith(f"goes down {chosen.movement.depth:.3f} m first")
+    assert run.limited_by.startswith(
+        f"goes down {chosen.movement.depth:.3f} m in {chosen.movement.duration:.3f} s, then pushes "
+    )
     rising = trace.points["com"][figures.flight][:, 1].max()
     assert rising == pytest.approx(chosen._rise(chosen._thrown(chosen.movement)), abs=0.02 * GO2.leg.length)
 

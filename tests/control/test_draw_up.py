@@ -51,7 +51,7 @@ def test_no_pose_near_the_chosen_one_is_worth_more() -> None:
     assert best is not None
     sides = np.vstack([0.1 * np.eye(2), -0.1 * np.eye(2)])
     poses = np.clip(best.pose + sides, drawing.lower + 0.03, drawing.upper - 0.03)
-    worth, _ = drawing.heights(off, poses)
+    worth, _ = drawing.heights(off, poses, best.fastest)
     assert worth.max() <= best.height + 1e-3
     slower = drawing.aim(LiftOff(off.q, off.v / 2, 1.2))
     assert slower is not None
@@ -65,8 +65,8 @@ def test_the_servo_asks_no_drive_for_more_than_braking_allows() -> None:
     drawing = controller.drawing_up
     assert drawing is not None
     pose = np.array([0.5, -1.5])
-    assert drawing.torque(pose - 0.2, np.zeros(2), pose)[0] > 0
-    assert drawing.torque(pose - [0.01, 0.0], np.array([10.0, 0.0]), pose)[0] < 0
+    assert drawing.torque(pose - 0.2, np.zeros(2), pose, 0.85)[0] > 0
+    assert drawing.torque(pose - [0.01, 0.0], np.array([10.0, 0.0]), pose, 0.85)[0] < 0
 
 
 @pytest.mark.slow

@@ -20,7 +20,6 @@ from hopopt.leg.kinematics import foot_offset
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale, weight
 from hopopt.sim.controller import Measurement
-from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.machine import StanceTerms
 
 DEPTHS = 12  # that are tried, evenly from none to all the room there is
@@ -206,7 +205,7 @@ class CounterMovement(Force):
             y, rate, t = y + self.pace * (rate + self.pace * rise / 2), rate + self.pace * rise, t + self.pace
         yield t, y, rate, 0.0, True
 
-    def limited_by(self, hop: HopFigures) -> str:
-        """What held a hop down, in words; empty where there is none."""
-        words = super().limited_by(hop)
-        return words and f"goes down {self.movement.depth:.3f} m first; {words}"
+    def _pushes(self, lasted: float) -> str:
+        """What is done in a stance of so many seconds, in words."""
+        m = self.movement
+        return f"goes down {m.depth:.3f} m in {m.duration:.3f} s, then pushes {max(lasted - m.duration, 0.0):.3f} s: {lasted:.3f} s"

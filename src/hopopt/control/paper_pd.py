@@ -140,7 +140,7 @@ class PaperStrategy:
     def _let_go(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] towards the pose that is aimed at; where there is none, or they press the foot down, those that fold the leg."""
         if self.drawing_up and self.aim:
-            tau = self.drawing_up.torque(now.q, now.v, self.aim.pose)
+            tau = self.drawing_up.torque(now.q, now.v, self.aim.pose, self.aim.fastest)
             if s.contact_force(self.drive.at(now.q).clamp(now.v, tau))[1] <= 0:
                 return tau
         return self.upright(s, float(np.copysign(UNBOUNDED, (now.q - self.stretched)[1])))
@@ -156,7 +156,7 @@ class PaperStrategy:
         servo comes no faster than sqrt(2 a e), with the deceleration a that its drive has at this speed.
         """
         if self.drawing_up and self.aim and now.t - self.left < max(self.rise, self.aim.at):
-            return self.drawing_up.torque(now.q, now.v, self.aim.pose)
+            return self.drawing_up.torque(now.q, now.v, self.aim.pose, self.aim.fastest)
         angles, rates = self.desired(now)
         error = angles - now.q
         inertia = np.diag(self.machine.mass_matrix(np.concatenate([np.zeros(BASE), now.q])))[BASE:]
@@ -223,8 +223,12 @@ class PaperStrategy:
         mean, lasted = hop.saturation_mean, hop.lift_off["time_s"]
         busiest = max(mean, key=lambda joint: mean[joint])
         longest = hop.design.hop.stance_duration[1]
-        push = f"pushes {lasted:.3f} s of {longest:.3g} s, {busiest} at {mean[busiest]:.0%} of what its drive gives"
+        push = f"{self._pushes(lasted)} of {longest:.3g} s, {busiest} at {mean[busiest]:.0%} of what its drive gives"
         return f"{push}; {self._drawn_up(hop, hop.highest)}"
+
+    def _pushes(self, lasted: float) -> str:
+        """What is done in a stance of so many seconds, in words."""
+        return f"pushes {lasted:.3f} s"
 
     def _drawn_up(self, hop: HopFigures, k: int) -> str:
         """What ends the drawing up of the leg by sample k, in words."""

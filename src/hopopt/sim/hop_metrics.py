@@ -17,6 +17,7 @@ from hopopt.sim.trace import Trace
 
 LOADED_WEIGHT = 0.1  # of the weight: a foot that carries less slips unseen, and for a moment only
 PULL = 1.0  # [N] on the paper's leg, by which the ground may have to pull: a foot is kept that its own sideways grip presses down
+IDEAL_GRIP = " (without contact.friction its sideways grip has no limit, and keeps a foot that real ground lets go)"
 SIMULATED_SLACK = 1e-3  # rad or share by which a limit may be missed in a simulation, and m, s, m/s on the paper's leg
 
 
@@ -250,7 +251,7 @@ class HopFigures:
         if self.slip_distance > SIMULATED_SLACK * scale.length:
             found.append(f"the foot slips {1e3 * self.slip_distance:.0f} mm in stance")
         if (pull := -float(trace.f[self.stance, 1].min())) > PULL * scale.force:
-            found.append(f"the ground would have to pull with {pull:.0f} N")
+            found.append(f"the ground would have to pull with {pull:.0f} N{IDEAL_GRIP if friction is None else ''}")
         least, lowest = self.design.contact.least_force, float(self.trace.f[self.stance, 1][:-1].min(initial=np.inf))
         if least and least - lowest > PULL * scale.force:
             found.append(f"{least - lowest:.0f} N less than the least ground force")

@@ -27,8 +27,8 @@ QUICKEST = 150.0  # [1/s] on the paper's leg: bandwidth of the servo at most, wh
 POSES = (64, 48)  # that are tried at first, and then about the best
 NARROWER = 0.2  # share of the joints' ranges within which they are then tried
 LEAST = 0.2  # share of what is asked for that is left where drives saturate: beyond a speed limit nothing would fit
-FASTEST = 0.85  # share of the no-load speed to which a joint is driven
-KEPT = 0.97  # share of the no-load speed beyond which a computed flight counts no more
+FASTEST = (0.85, 0.97)  # shares of the no-load speed to which joints are driven: coupled joints may overrun the greater
+KEPT = 0.99  # share of the no-load speed beyond which a computed flight counts no more
 MARGIN = 0.03  # [rad] that poses keep from the joint limits
 SUNK = 1e-3  # [m] on the paper's leg, by which a computed leg may be below the ground
 
@@ -44,9 +44,11 @@ class LiftOff:
 
 @dataclass(frozen=True)
 class Aim:
-    """The pose (n) [rad] to draw up to, the height [m] that the lowest point is expected to reach, and when [s] after lift-off."""
+    """The pose (n) [rad] to draw up to, the share of the no-load speed to which joints are driven there, the height [m] that the lowest
+    point is expected to reach, and when [s] after lift-off."""
 
     pose: np.ndarray
+    fastest: float
     height: float
     at: float
 
@@ -74,10 +76,12 @@ class DrawingUp:
         self._servo, self._step = self._functions(robot, regions)
 
     def _functions(self, robot: Robot, regions: Sequence[OperatingRegion]) -> tuple[ca.Function, ca.Function]:
-        """The servo's torques, and angles and speeds one step later, of angles, speeds and a pose (n) each."""
+        """The servo's torques, and angles and speeds one step later, of angles, speeds and a pose (n) each, and a share of the no-load
+        speed. Inertia within a step is that of its beginning: a quarter of the time less, the greatest height the same to 0.1 mm."""
         n = len(robot.joints)
         q, v, pose = (ca.SX.sym(name, n) for name in ("q", "v", "pose"))
-        M, bias = _motion(robot)(q, v)
+        fastest = ca.SX.sym("fastest")
+        M, bias = ca.SX.sym("M", n, n), ca.SX.sym("bias", n)
         J = ca.DM.eye(n) if robot.leg.direct else turned(robot.leg, robot.parameters, q, v, v).jacobian
         w, at_drives = J @ v, (lambda tau: tau) if robot.leg.direct else (lambda tau: ca.solve(J.T, tau))
         bounds = [[ca.vertcat(*side) for side in r.torques_at(w[k])] for k, r in enumerate(regions)]
@@ -87,25 +91,29 @@ class DrawingUp:
             return ca.if_else(least <= most, ca.fmax(ca.fmin(at_drives(wanted), most), least), 0.0)
 
         strength = ca.fabs(J.T @ clamped(-ca.sign(pose - q) * UNBOUNDED))
-        asked = M @ self._wanted(pose - q, v, ca.diag(M), strength)
+        asked = M @ self._wanted(pose - q, v, ca.diag(M), strength, fastest * self.no_load)
         driven = at_drives(asked)
         room = (ca.if_else(driven > 0, most, least) - at_drives(bias)) / ca.if_else(driven == 0, 1.0, driven)
         tau = bias + ca.fmin(ca.fmax(ca.mmin(room), LEAST), 1.0) * asked
         a, h, after = ca.solve(M, J.T @ self.drive.passed(w, clamped(tau)) - bias), self.step / PARTS, (q, v)
-        part = ca.Function("part", [q, v, pose], [q + h * (v + h * a), v + h * a])
+        given, motion = [q, v, pose, fastest], _motion(robot)(q, v)
+        part = ca.Function("part", [*given, M, bias], [q + h * (v + h * a), v + h * a, tau])
+        asked = part(*given, *motion)[2]
         for _ in range(PARTS):
-            after = part(*after, pose)
-        return ca.Function("servo", [q, v, pose], [tau]), ca.Function("step", [q, v, pose], list(after))
+            after = part(*after, pose, fastest, *motion)[:2]
+        return ca.Function("servo", given, [asked]), ca.Function("step", given, list(after))
 
-    def _wanted(self, error: ca.SX, v: ca.SX, inertia: ca.SX, strength: ca.SX) -> ca.SX:
-        """Accelerations (n) [rad/s^2] of a critically damped servo that comes no faster than its drive can brake."""
+    def _wanted(self, error: ca.SX, v: ca.SX, inertia: ca.SX, strength: ca.SX, most: ca.SX) -> ca.SX:
+        """Accelerations (n) [rad/s^2] of a critically damped servo that comes no faster than its drive can brake, nor than ``most`` (n)
+        [rad/s]."""
         rate = ca.fmin(ca.sqrt(self.k_p / inertia), self.quickest)
-        quick = ca.fmin(ca.sqrt(2 * BRAKING * strength / inertia * ca.fabs(error)), FASTEST * self.no_load)
+        quick = ca.fmin(ca.sqrt(2 * BRAKING * strength / inertia * ca.fabs(error)), most)
         return 2 * rate * (ca.fmax(ca.fmin(rate / 2 * error, quick), -quick) - v)
 
-    def torque(self, q: np.ndarray, v: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """Torques (n) [N m] towards a pose (n) [rad], critically damped, no faster than the drives can brake."""
-        return np.array(self._servo(q, v, pose)).ravel()
+    def torque(self, q: np.ndarray, v: np.ndarray, pose: np.ndarray, fastest: float) -> np.ndarray:
+        """Torques (n) [N m] towards a pose (n) [rad], critically damped, no faster than the drives can brake, nor than this share of the
+        no-load speed."""
+        return np.array(self._servo(q, v, pose, fastest)).ravel()
 
     def aim(self, off: LiftOff) -> Aim | None:
         """The pose that is worth most from a lift-off on; None if no flight keeps the limits. A flight that comes within SPARED of a
@@ -114,24 +122,28 @@ class DrawingUp:
 
     def _best(self, off: LiftOff, spared: float) -> Aim | None:
         lower, upper = self.lower + MARGIN, self.upper - MARGIN
-        poses, best = lower + (upper - lower) * spread(POSES[0], len(lower)), None
+        poses, shares, best = lower + (upper - lower) * spread(POSES[0], len(lower)), FASTEST, None
         for count in (*POSES[1:], 0):
-            heights, times = self.heights(off, poses, spared)
-            if heights.max() > (best.height if best else 0.0):
-                k = int(np.argmax(heights))
-                best = Aim(poses[k], float(heights[k]), float(times[k]))
+            for fastest in shares:
+                heights, times = self.heights(off, poses, fastest, spared)
+                if heights.max() > (best.height if best else 0.0):
+                    k = int(np.argmax(heights))
+                    best = Aim(poses[k], fastest, float(heights[k]), float(times[k]))
             if best is None:
                 return None
             around = best.pose + NARROWER * (upper - lower) * (spread(count, len(lower)) - 0.5)
-            poses = np.clip(around, lower, upper)
+            poses, shares = np.clip(around, lower, upper), (best.fastest,)
         return best
 
-    def heights(self, off: LiftOff, poses: np.ndarray, spared: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def heights(
+        self, off: LiftOff, poses: np.ndarray, fastest: float, spared: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """How high the lowest point comes on the way to poses (k, n) [rad], (k,) [m], and when after lift-off, (k,) [s].
 
-        spared: share of the joints' ranges that is kept free at their limits, where they are not beyond it at lift-off.
+        fastest: share of the no-load speed to which joints are driven. spared: share of the joints' ranges that is kept free at their
+        limits, where they are not beyond it at lift-off.
         """
-        t, q, v = self.flights(off, poses)
+        t, q, v = self.flights(off, poses, fastest)
         rows = q.reshape(-1, q.shape[-1])
         over, beside, above = (np.array(x).reshape(len(t), -1) for x in self._places.map(len(rows))(rows.T))
         height = above[0] + (off.rising * t - self.gravity / 2 * t**2)[:, None] + over
@@ -143,13 +155,14 @@ class DrawingUp:
         height = np.where(counts, height, -np.inf)
         return height.max(axis=0), t[height.argmax(axis=0)]
 
-    def flights(self, off: LiftOff, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (m,) [s] from lift-off, angles and speeds of the joints (m, k, n) on the way to poses (k, n) [rad]."""
+    def flights(self, off: LiftOff, poses: np.ndarray, fastest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times (m,) [s] from lift-off, angles and speeds of the joints (m, k, n) on the way to poses (k, n) [rad], at most at a share of
+        the no-load speed."""
         t = np.arange(0.0, max(off.rising, 0.0) / self.gravity + self.late, self.step)
         step, towards = self._step.map(len(poses)), ca.DM(poses.T)
         states = [tuple(ca.DM(np.broadcast_to(x[:, None], poses.T.shape)) for x in (off.q, off.v))]
         for _ in t[1:]:
-            states.append(step(*states[-1], towards))
+            states.append(step(*states[-1], towards, fastest))
         q, v = (np.array([np.array(x).T for x in part]) for part in zip(*states, strict=True))
         return t, q, v
 
