@@ -119,6 +119,34 @@ def test_a_planted_ball_is_avoided_and_costs_height(plan: Solution, tmp_path: Pa
     assert found.summary.clearance_m < plan.summary.clearance_m - 1e-5
 
 
+@pytest.mark.slow
+def test_a_box_where_a_leg_comes_down_to_land_is_found_and_avoided(tmp_path: Path) -> None:
+    """A corner of the shank's way in the descent alone; how near the solved hop comes is told by points on its shank."""
+    lands = {"hop.stance_duration": [0.03, 0.2], "hop.kind": "landing"}
+    bare, half = solved_once(lands), 0.015
+    t, knee, foot = swing(bare)
+    down = np.flatnonzero((t > bare.tables["flight"].t[-1, -1]) & (t < bare.tables["landing"].t[0, 0]))
+    others = np.delete(np.arange(len(t)), down)
+    middle = max(down[::100], key=lambda k: apart(foot[k], knee[others], foot[others]).min())
+    place = foot[middle]
+    with_ball(tmp_path, place, 'kind = "landing"')
+    box = f"box = [{2 * half}, 0.06, {2 * half}]\nat = [{place[0]}, 0.0, {place[1]}]\ncounts = false\n"
+    text = (tmp_path / "ball.toml").read_text().partition("[leg.body.shapes.ball]")[0]
+    (tmp_path / "ball.toml").write_text(f"{text}[leg.body.shapes.box]\n{box}")
+    design = load(tmp_path / "ball.toml")
+    (wrong,) = failed(verify_plan(design, bare.tables, bare.claims()))
+    assert wrong.name == "collision"
+    found = solve(design, starts=1, processes=1)
+    near, (_, knee, foot) = found.summary.collision, swing(found)
+    assert found.verified
+    assert near is not None
+    beside = [np.abs(knee + share * (foot - knee) - place) - half for share in np.linspace(0, 1, 201)]
+    least = min(float(np.linalg.norm(np.maximum(away, 0.0), axis=1).min()) for away in beside) - SHANK
+    assert near.least_distance_m == pytest.approx(least, abs=2e-5)
+    assert near.margin_m is not None
+    assert least > near.margin_m - 1e-4
+
+
 def test_a_leg_without_shapes_has_no_distance(plan: Solution) -> None:
     assert collision(plan.design, plan.tables) is None
     assert plan.summary.collision is None

@@ -6,6 +6,7 @@ the plan's table, each link and each side of a solid cut off at both sides of th
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -30,15 +31,39 @@ def highest_box(machine: Machine, hop: HopSettings, tables: Mapping[str, Table])
     if last <= 0:
         return 0.0, 0.0  # the foot does not come to the other side
     places = np.linspace(0.0, last, PLACES)
-    heights = np.array([height_over(links, x, width) for x in places])
+    heights = np.concatenate([_heights(links, some, width) for some in _beside(places, width)])
     best = [(float(heights.max()), float(places[heights.argmax()]))]
     for x in places[np.argsort(-heights)[:REFINED]]:
         near = (max(x - places[1], 0.0), min(x + places[1], last))
-        found = minimize_scalar(
-            lambda x: -height_over(links, x, width), bounds=near, method="bounded", options={"xatol": 1e-9}
+        own = _in_the_way(links, *near, width)
+        found: Any = minimize_scalar(
+            lambda x, own=own: -height_over(own, x, width), bounds=near, method="bounded", options={"xatol": 1e-9}
         )
         best.append((-float(found.fun), float(found.x)))
     return max(best)
+
+
+def _beside(places: np.ndarray, width: float) -> list[np.ndarray]:
+    """Places one after another, in groups that are no wider than half a box."""
+    at_once = max(1, int(width / 2 / places[1]))
+    return np.split(places, range(at_once, len(places), at_once))
+
+
+def _heights(links: Links, places: np.ndarray, width: float) -> np.ndarray:
+    """``height_over`` for boxes that begin at each of the places (k,) [m]."""
+    own = _in_the_way(links, places[0], places[-1], width)
+    return np.array([height_over(own, x, width) for x in places])
+
+
+def _in_the_way(links: Links, first: float, last: float, width: float) -> Links:
+    """Of all links those that can be lowest over a box that begins between two places [m]: they reach there, and come lower than
+    the lowest over what all such boxes share."""
+    a, b = links
+    shared = first + width - last
+    lowest = height_over(links, last, shared) if shared >= 0 else np.inf
+    there = (np.maximum(a[:, 0], b[:, 0]) >= first) & (np.minimum(a[:, 0], b[:, 0]) <= last + width)
+    matter = there & (np.minimum(a[:, 1], b[:, 1]) <= lowest)
+    return a[matter], b[matter]
 
 
 def step(machine: Machine, tables: Mapping[str, Table]) -> float:
