@@ -1,5 +1,7 @@
 """Of solutions that are equally good the smoothest, against closed forms."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.refinement import smoothing
 from hopopt.nlp.refinement.interval_errors import interval_errors
+from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.refinement.smoothing import JUMP, Slopes, smoothed
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
@@ -16,6 +19,7 @@ from hopopt.ocp.problem import Control, Ends, Instant, Objective, Phase, Problem
 
 SMALL = 0.01  # what a force counts as: its slopes then count by their squares
 ALLOWANCE, EXCESS, LOCAL = 5e-5, 5e-5, 1e-5
+AIMS = Aims(LOCAL, change=1e-4, excess=EXCESS, tightening_cost=1e-4, meshes=4, iterations=100)
 
 
 def pushed_and_carried() -> Problem:
@@ -56,8 +60,9 @@ def forces(phase: str, s: Instant) -> ca.SX:
 def test_a_force_on_which_nothing_depends_becomes_the_smoothest_and_one_that_counts_stays() -> None:
     """The least integral of the square of the force's slope from rest to rest: 5 - 10 (3 t^2 - 2 t^3), by Euler and Lagrange."""
     before = solved()
-    after = smoothed(before, forces, ALLOWANCE, EXCESS, LOCAL)
-    assert after is not None
+    found = smoothed(before, forces, ALLOWANCE, AIMS)
+    assert found is not None
+    after = found.solution
     t, x, u = after.phases["way"].everywhere(np.linspace(0, 1, 9))
     push, carry = u[..., 0], u[..., 1]
     assert np.abs(before.phases["way"].everywhere(np.linspace(0, 1, 9))[2][..., 1] - carry).max() > 3.0
@@ -73,8 +78,9 @@ def test_roughness_is_the_integral_that_it_says_and_never_rises() -> None:
     """1/2 of the integral of (60 t (1 - t))^2 is 60. An interval and the jump beside it share a rise as springs in series do."""
     before = solved()
     slopes = Slopes.of(before, forces)
-    after = smoothed(before, forces, ALLOWANCE, EXCESS, LOCAL)
-    assert after is not None
+    found = smoothed(before, forces, ALLOWANCE, AIMS)
+    assert found is not None
+    after = found.solution
     assert slopes.roughness(after) < 0.5 * slopes.roughness(before)
     assert slopes.roughness(after) == pytest.approx(SMALL**2 * 60 / (1 + 1 / JUMP), rel=5e-3)
 
@@ -82,12 +88,13 @@ def test_roughness_is_the_integral_that_it_says_and_never_rises() -> None:
 def test_a_smoother_solution_that_the_last_solve_finds_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(smoothing, "MOST_SOLVES", 2)  # limits are passed after the first
     before = solved()
-    after = smoothed(before, forces, ALLOWANCE, EXCESS, LOCAL)
-    assert after is not None
+    found = smoothed(before, forces, ALLOWANCE, AIMS)
+    assert found is not None
+    after = found.solution
     slopes = Slopes.of(before, forces)
     assert slopes.roughness(after) < slopes.roughness(before)
 
 
 def test_what_errs_by_more_than_is_allowed_is_no_smoother_solution() -> None:
-    """No local error is negative."""
-    assert smoothed(solved(), forces, ALLOWANCE, EXCESS, -1.0) is None
+    """No local error is below rounding, and no finer mesh is allowed."""
+    assert smoothed(solved(), forces, ALLOWANCE, replace(AIMS, local_error=1e-20, meshes=0)) is None

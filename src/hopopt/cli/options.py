@@ -88,9 +88,9 @@ def some_results(results: Sequence[Path], command: str) -> Sequence[Path]:
     return results
 
 
-def written(paths: Sequence[Path], json_: bool, then: str = "") -> int:
-    """The end of a command that wrote files: which, and what to do then."""
-    data = {"written": [str(path) for path in paths], "exit_code": 0}
+def written(paths: Sequence[Path], json_: bool, then: str = "", more: Mapping[str, Any] | None = None) -> int:
+    """The end of a command that wrote files: which, and what to do then; ``more``: what JSON says besides."""
+    data = {"written": [str(path) for path in paths], **(more or {}), "exit_code": 0}
     return ended(data, json_, (as_is(f"{path} written{then}") for path in paths))
 
 

@@ -127,9 +127,14 @@ def not_simulated(design: Design) -> str:
 
 
 def whole_hop_rollout(
-    design: Design, tables: Mapping[str, Table], figure: str = "clearance_m", ends: str = "window"
+    design: Design,
+    tables: Mapping[str, Table],
+    figure: str = "clearance_m",
+    ends: str = "window",
+    sharper: bool = True,
 ) -> WholeHopRollout:
-    """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``."""
+    """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``; ``sharper``: with sharper
+    gears too."""
     robot = build_robot(design.leg)
     machine = Machine(robot)
     drives = Drives.of(robot)
@@ -163,7 +168,8 @@ def whole_hop_rollout(
     if ends == "required clearance":
         shares["clearance asked for"] = float((design.hop.clearance or 0.0) - values["clearance_m"]) / reach(design.leg)
     limit = max(shares, key=lambda key: shares[key])
-    return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit, _sharper(machine, drives, tables))
+    with_sharper = _sharper(machine, drives, tables) if sharper else None
+    return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit, with_sharper)
 
 
 def _sharper(machine: Machine, drives: Drives, tables: Mapping[str, Table]) -> float | None:

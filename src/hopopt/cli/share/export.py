@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -13,7 +13,7 @@ from hopopt.errors import ResultError, UsageError
 from hopopt.export import plan, tracker_c
 from hopopt.leg.files.export import to_mjcf, to_urdf
 from hopopt.leg.robot import build_robot
-from hopopt.planner.checks.smooth_plan import smooth_plan
+from hopopt.planner.checks.smooth_plan import SmoothPlan, smooth_plan
 from hopopt.planner.reserve import TrackedPlan
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load, resolved_toml
@@ -70,7 +70,7 @@ def export(
         The file to write (default: the folder's name, with the suffix csv, json, yaml or h).
     smooth
         Write a plan whose torques vary less, and which is as good within 0.01 mm. Where the height hardly depends on a torque,
-        the best hop's may have saw teeth. It is verified as the hop is, which takes some seconds.
+        the best hop's may have saw teeth. It is verified as the hop is, which takes some seconds. --json says what it brought.
     urdf
         The URDF file to write, and beside it a problem file (leg.problem.toml) with what a URDF leaves out.
     mjcf
@@ -91,19 +91,24 @@ def export(
         )
     if dc_motors and mjcf is None:
         raise UsageError("--dc-motors is for MuJoCo's file: say --mjcf leg.xml")
-    made = list[Path]()
+    made, stated = list[Path](), dict[str, Any]()
     if format_ is not None:
         if set_:
             raise UsageError("--set changes an entry of a problem: a planned hop is exported as it was solved")
         suffix, write = EXPORTS[format_]
         made.append(output or Path(f"{Path(what).resolve().name}.{suffix}"))
         check_new(made[-1])
-        write_new(made[-1], write((_smooth_plan if smooth else _verified_plan)(Path(what))))
+        if smooth:
+            found = _smooth_plan(Path(what))
+            tracked, stated = _tracked(found), {"smooth": found.as_dict()}
+        else:
+            tracked = _verified_plan(Path(what))
+        write_new(made[-1], write(tracked))
     if urdf is not None or mjcf is not None:
         file = Path(what) / "problem.toml"
         design = load(str(file) if file.is_file() else what, set_ or ())
         made += _leg_files(design, urdf, mjcf, dc_motors)
-    return written(made, json_)
+    return written(made, json_, more=stated)
 
 
 def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None, dc_motors: bool) -> list[Path]:
@@ -138,7 +143,7 @@ def _verified_plan(folder: Path) -> TrackedPlan:
     return found
 
 
-def _smooth_plan(folder: Path) -> TrackedPlan:
+def _smooth_plan(folder: Path) -> SmoothPlan:
     """A plan as good as a stored hop, with torques that vary less; ResultError if the hop is not verified, or no solved one."""
     if (folder / f"{ROBUST}.json").is_file():
         raise ResultError(
@@ -151,12 +156,17 @@ def _smooth_plan(folder: Path) -> TrackedPlan:
         raise ResultError(NOT_VERIFIED.format(folder))
     with fitting(folder):
         found = smooth_plan(solution)
-    s, leg = solution.summary, solution.design.leg
+    leg, was = solution.design.leg, solution.summary.objective_value
     joints = zip(leg.joints, *found.variation.tolist(), strict=True)
     varies = [f"{j} by {after:.4g} in place of {before:.4g} {leg.units(j).tau}" for j, before, after in joints]
     note(
-        f"smooth: torques vary less: {', '.join(varies)}; {solution.objective} {found.value:.7g} in place of {s.objective_value:.7g} "
-        f"{s.objective_unit}; all {len(found.checks)} checks passed"
+        f"smooth: torques vary less: {', '.join(varies)}; {solution.objective} {found.value:.7g} in place of {was:.7g} "
+        f"{found.unit}; limited by {found.limited}; all {len(found.checks)} checks passed"
     )
+    return found
+
+
+def _tracked(found: SmoothPlan) -> TrackedPlan:
+    """A smooth plan as what is exported."""
     reference = PlanReference.from_tables(NORMALISED_TIMES, found.motion.tables, found.claims["clearance_m"])
     return TrackedPlan(found.motion, reference)

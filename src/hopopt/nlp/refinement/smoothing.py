@@ -12,8 +12,9 @@ counts as a slope over a JUMP-th of the interval.
 The settled program is solved again with epsilon times Q added to its cost: Q = 1/2 sum of w d^2 with weights w = phi'(d) / d of
 the last solution lies above Phi and touches it there (iteratively reweighted least squares). What is best for the sum cannot
 have lost more than epsilon Q of the last solution. So epsilon is what may be lost, over that Q. Where a limit is passed between
-the nodes, it is enforced or tightened there, and the program solved again. Where it is not solved, or its local error is more
-than is allowed, or too much is lost, it is solved with a smaller epsilon.
+the nodes, it is enforced or tightened there, and the program solved again. Where its local error is more than is allowed, the
+settled solution is solved on a mesh that is finer there, and smoothed. Where a program is not solved, or too much is lost, it is
+solved with a smaller epsilon.
 """
 
 from collections.abc import Callable
@@ -27,11 +28,12 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.sparse import diags_array
 
-from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.layout import Stage
 from hopopt.nlp.program import Program
 from hopopt.nlp.refinement.continuous_limits import Chosen, Enforced, coming_close, enforced_in, enforcing, holds
 from hopopt.nlp.refinement.interval_errors import interval_errors
+from hopopt.nlp.refinement.mesh_refinement import MET, Refinement
+from hopopt.nlp.refinement.next_mesh import AIM, PIECES, Aims
 from hopopt.nlp.refinement.tightening import Errors, passed, tightened
 from hopopt.nlp.refinement.tightening_cost import BARRIER
 from hopopt.nlp.schemes import Scheme, lagrange
@@ -43,11 +45,16 @@ from hopopt.ocp.problem import Instant, stack, symbols
 STEEP = 10.0  # slope per duration: what changes by its whole size in a tenth of the hop or faster is a jump
 JUMP = 20  # parts of an interval: over one of them a jump is a slope
 SOLVES = 2  # each with the weights of the one before
-MOST_SOLVES = 7  # where some are not solved, or pass what they may not
+MOST_SOLVES = 9  # where some are not solved, or pass what they may not
 SHARE = 0.1  # of the allowance that a solve may lose: with all of it solo12_leg is not solved
+MOST_MESHES = 2  # that are finer where a smoother solution errs
 LESS = 0.1  # of the share, where so much spoils a solve
 LEAST = 1e-12  # Q of what is smooth already
-OPTIONS = WAYS[0] | {"ipopt.max_iter": 100}
+OPTIONS = WAYS[0] | {"ipopt.max_iter": 60}  # more of them are spent on what is not solved after all
+ALLOWANCE = "the weight on smoothness, which spends at most a tenth of what may be lost"  # what limits a smooth solution, in words
+UNSOLVED = "programs that were not solved with a larger weight on smoothness"
+LOCAL_ERROR = "the local error of the intervals"
+TIGHTENED = "limits that are passed between the nodes, and cost more to be kept there"
 # What is to be smooth at an instant of a phase, by its name, dimensionless.
 Quantities = Callable[[str, Instant], ca.SX]
 
@@ -143,20 +150,30 @@ class Slopes:
         return Roughness(p.linear, p.phases, p.rows, p.ends, p.count, tuple(parts))
 
 
-def smoothed(
-    solution: NlpSolution, quantities: Quantities, allowance: float, excess: float, local_error: float,
-    until: Deadline = NEVER,
-) -> NlpSolution | None:  # fmt: skip
-    """A solution on the same mesh whose quantities are smoother; None if none is found.
+@dataclass(frozen=True)
+class Smoothed:
+    """A solution whose quantities are smoother.
+
+    solution: it
+    roughness: Phi
+    limited: what kept it from being smoother: what may be lost, or why only a part of that was spent
+    """
+
+    solution: NlpSolution
+    roughness: float
+    limited: str
+
+
+def smoothed(solution: NlpSolution, quantities: Quantities, allowance: float, aims: Aims) -> Smoothed | None:
+    """A solution whose quantities are smoother, on the same mesh or a finer one; None if none is found.
 
     solution: of the settled mesh, with its multipliers and bounds
     quantities: as many in every phase
     allowance: by how much the objective may be worse [its unit]
-    excess: by how much limits may be passed between the nodes, scaled
-    local_error: how large it may be in any interval, scaled
+    aims: by how much limits may be passed between the nodes, how large the local error may be, how long it may take
     """
-    slopes, last, found = Slopes.of(solution, quantities), solution, list[NlpSolution]()
-    chosen, bounds, share = enforced_in(solution), None, SHARE
+    slopes, last, found = Slopes.of(solution, quantities), solution, list[Smoothed]()
+    chosen, bounds, share, limited, meshes = enforced_in(solution), None, SHARE, ALLOWANCE, MOST_MESHES
     for _ in range(MOST_SOLVES):
         weight, Q = slopes.weighted(last)
         t = copy(solution.transcription)
@@ -164,24 +181,42 @@ def smoothed(
         enforced = enforcing(t, chosen)
         bounds = bounds or _settled_bounds(solution, enforced)
         begin = replace(last, lam_g=enforced.multipliers(last.lam_g))
-        again = NlpSolver(enforced.transcription, OPTIONS, until=until).again(begin, bounds)
-        nodal = enforced.at_nodes(again) if again.success else None
-        errors = {name: interval_errors(nodal, name) for name in nodal.phases} if nodal else {}
-        if nodal is None or max(float(e.local.max()) for e in errors.values()) > local_error:
-            share *= LESS  # the mesh suits what was settled: further away it may not
+        again = NlpSolver(enforced.transcription, OPTIONS, until=aims.until).again(begin, bounds)
+        if not again.success:
+            share, limited = LESS * share, UNSOLVED
+            continue
+        nodal = enforced.at_nodes(again)
+        errors = {name: interval_errors(nodal, name) for name in nodal.phases}
+        if max(float(e.local.max()) for e in errors.values()) > aims.local_error:
+            if meshes and (finer := _finer(solution, errors, aims)) is not None:
+                solution = last = finer
+                slopes, chosen, bounds, meshes = Slopes.of(finer, quantities), enforced_in(finer), None, meshes - 1
+            else:
+                share, limited, meshes = LESS * share, LOCAL_ERROR, 0
             continue
         last = nodal
-        if max(float(e.excess.max()) for e in errors.values()) > excess:
-            chosen, bounds = _stricter(last, errors, chosen, bounds, excess)
+        if max(float(e.excess.max()) for e in errors.values()) > aims.excess:
+            chosen, bounds = _stricter(last, errors, chosen, bounds, aims.excess)
             continue
         plain = _without_roughness(last, solution.transcription)
         if t.problem.objective.cost(plain.objective - solution.objective) > allowance:
-            share *= LESS  # limits that were tightened may cost more
+            share, limited = LESS * share, TIGHTENED
             continue
-        found.append(plain)
+        found.append(Smoothed(plain, slopes.roughness(plain), limited))
         if len(found) == SOLVES:
             break
-    return min(found, key=slopes.roughness, default=None)
+    return min(found, key=lambda s: s.roughness, default=None)
+
+
+def _finer(s: NlpSolution, errors: Errors, aims: Aims) -> NlpSolution | None:
+    """The settled solution on a mesh that is finer where a smoother one errs by more than is allowed; None if it is not solved."""
+    order = len(s.transcription.scheme.c) + 1
+    pieces = {}
+    for name, e in errors.items():
+        asked = np.ceil((e.local / (AIM * aims.local_error)) ** (1 / order))
+        pieces[name] = np.where(e.local > AIM * aims.local_error, np.clip(asked, 2, PIECES), 1).astype(int)
+    finer = Refinement(s, aims, enforced=enforced_in(s)).on_pieces(pieces)
+    return None if finer is None or finer.ended != MET else finer.solution
 
 
 def _without_roughness(s: NlpSolution, t: Transcription) -> NlpSolution:

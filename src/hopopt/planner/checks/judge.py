@@ -93,16 +93,25 @@ def local_error(design: Design, errors: Mapping[str, IntervalErrors]) -> Check:
     return Check("local error of the intervals", local, design.solver.tolerance, "scaled")
 
 
+def simulated_in_one_piece(
+    plan: Motion, goal: HopObjective, size: float, claims: Mapping[str, float], sharper: bool = True
+) -> tuple[list[Check], Simulated]:
+    """Checks of the hop simulated in one piece, and what is stated of that.
+
+    size: of the objective [its unit]; claims: what is stated, by name; sharper: whether it is simulated with sharper gears too
+    """
+    if note := not_simulated(plan.design):
+        return left_out(note), Simulated(note=note)
+    claim = (goal.figure, claims[goal.figure], goal.sign)
+    found = whole_hop_rollout(plan.design, plan.tables, goal.figure, goal.ends, sharper)
+    return found.checks(*claim, size), found.beside(*claim)
+
+
 def stated_error(
     plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float]
 ) -> tuple[list[Check], StatedError]:
     """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name."""
-    if note := not_simulated(plan.design):
-        checks, simulated = left_out(note), Simulated(note=note)
-    else:
-        claim = (goal.figure, claims[goal.figure], goal.sign)
-        found = whole_hop_rollout(plan.design, plan.tables, goal.figure, goal.ends)
-        checks, simulated = found.checks(*claim, estimate.size), found.beside(*claim)
+    checks, simulated = simulated_in_one_piece(plan, goal, estimate.size, claims)
     short = simulated.short_by or 0.0 if simulated.followed else 0.0
     largest, relaxed = max(estimate.too_high_by, short), Relaxed(tightening_cost(solution) * solution.magnitude)
     return checks, StatedError(largest, largest / estimate.size, estimate, simulated, relaxed, could_be_beaten_by=None)

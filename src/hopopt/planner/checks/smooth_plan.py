@@ -6,6 +6,7 @@ The hop itself stays the answer, with its certificate, its multipliers and its e
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,14 +20,13 @@ from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT, ON_GROUND, STANCE
 from hopopt.ocp.problem import Instant
-from hopopt.optimality.error_estimate import objective_error
-from hopopt.planner.attempts import EXCESS_MARGIN
-from hopopt.planner.checks.judge import local_error, plan_checks, stated_error
+from hopopt.planner.checks.judge import local_error, plan_checks, simulated_in_one_piece
 from hopopt.planner.checks.program_limits import program_limits
 from hopopt.planner.motion import Motion
-from hopopt.planner.refine_and_verify import stated_figure
+from hopopt.planner.refine_and_verify import aims_of, stated_figure
 from hopopt.planner.solution import Solution, has_multipliers, hop_of, stored_nlp
-from hopopt.verify.check import LIMIT, Check, failed
+from hopopt.record import as_data
+from hopopt.verify.check import Check, failed
 
 LOST = 1e-5  # share of the objective that smoothness may cost, and of a height this at most [m]
 EVERYWHERE = np.linspace(0.0, 1.0, 17)  # normalised times at which torques are added up
@@ -39,17 +39,34 @@ class SmoothPlan:
     motion: the plan
     claims: what is stated of it, by name [the name's unit]
     checks: of its intervals' errors, of its table, and of its simulation in one piece; all passed
-    value: its objective [the objective's unit]
+    value, unit: its objective, and the unit of that
     lost: by how much that is worse than the hop's [the same]
-    variation: total variation of each joint's motor torque, of the hop and of the plan, (2, n) [N m]
+    may_lose: by how much it may be worse [the same]
+    variation: total variation of each joint's motor torque, of the hop and of the plan, (2, n) [N m; N of a joint that slides]
+    limited: what kept it from being smoother, in words
     """
 
     motion: Motion
     claims: Mapping[str, float]
     checks: tuple[Check, ...]
     value: float
+    unit: str
     lost: float
+    may_lose: float
     variation: np.ndarray
+    limited: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """What is stated of it, for JSON: its claims, what it lost, what limited it, its checks, and by what each motor's torque
+        varies in the hop and in the plan."""
+        leg, (hop, plan) = self.motion.design.leg, self.variation.tolist()
+        varies = {
+            joint: {"hop": before, "plan": after, "unit": leg.units(joint).tau}
+            for joint, before, after in zip(leg.joints, hop, plan, strict=True)
+        }
+        stated = {name: getattr(self, name) for name in ("value", "unit", "lost", "may_lose", "limited")}
+        checks = [as_data(check) for check in self.checks]
+        return {**stated, "claims": dict(self.claims), "torque_variation": varies, "verification": checks}
 
 
 def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
@@ -61,13 +78,14 @@ def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
     settled, goal = stored_nlp(solution, hop.problem), hop.objective
     most = LOST * settled.magnitude
     most = min(most, LOST) if goal.unit == "m" else most
-    found = smoothed(settled, torque_shares(hop), most, EXCESS_MARGIN * LIMIT, hop.design.solver.tolerance, until)
-    if found is None:
+    smoother = smoothed(settled, torque_shares(hop), most, aims_of(hop, until))
+    if smoother is None:
         raise NotSolvedError(f"{_named(solution)}: no smoother plan was found: take the hop as it is", [])
+    found = smoother.solution
     stated = stated_figure(hop, found)
     plan = replace(Motion(hop.design, goal.name, found.phases, stated=stated), own=solution.own)
     claims = {**plan.claims(), **stated}
-    rollout, _ = stated_error(plan, found, goal, objective_error(found), claims)
+    rollout, _ = simulated_in_one_piece(plan, goal, found.magnitude, claims, sharper=False)
     errors = {name: interval_errors(found, name) for name in found.phases}
     checks = [local_error(hop.design, errors), *plan_checks(plan, goal, hop.own, claims)]
     checks += [*program_limits(found, errors, {check.name for check in checks}), *rollout]
@@ -83,7 +101,7 @@ def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
         wrong.append(f"the torques: they vary by {after:.4g} of their stall torques in place of {before:.4g}")
     if wrong:
         raise NotSolvedError(f"{_named(solution)}: the smoother plan is not as good: take the hop as it is", wrong)
-    return SmoothPlan(plan, claims, tuple(checks), value, lost, variation)
+    return SmoothPlan(plan, claims, tuple(checks), value, goal.unit, lost, most, variation, smoother.limited)
 
 
 def torque_shares(hop: Hop) -> Quantities:
