@@ -14,7 +14,7 @@ from hopopt.control.closed_loop import make_plant
 from hopopt.control.setting import Setting
 from hopopt.design import Leg, physical_parameters
 from hopopt.drivetrain.kernels import own_ratio
-from hopopt.drivetrain.transmission import drive_angle, numbers, ratios, spline_slopes
+from hopopt.drivetrain.transmission import drive_angle, drive_angles, numbers, ratios, spline_slopes
 from hopopt.errors import ProblemFileError
 from hopopt.export.plan import columns, samples_at_control_rate
 from hopopt.leg.dynamics import LegDynamics
@@ -153,25 +153,142 @@ def test_rotors_weigh_on_the_joints_as_bodies_that_turn_with_the_drives(override
         )
 
 
+RIDING = {
+    "leg.hip.axis": [0, 1, 0],
+    "leg.hip.lower": -1.3,
+    "leg.hip.upper": 0.6,
+    f"{KNEE}.motor_on": "thigh",
+    f"{KNEE}.reversed": True,
+}
+ON_THIGH = {f"{KNEE}.motor_on": "thigh"}
+ON_BOTH = MIXED | {f"{KNEE}.motor_on": "thigh", "leg.hip.transmission.motor_on": "shank"}
+
+
+def geared(robot: Robot, q: ca.SX) -> ca.SX:
+    """How far motors turn against their housings (n) [rad]."""
+    between = [robot.leg.joint[joint].transmission for joint in robot.joints]
+    ratios = [robot.parameters[robot.leg.drive(joint, "gear", "ratio")[0]] for joint in robot.joints]
+    senses = [-1.0 if each and each.reversed else 1.0 for each in between]
+    return ca.DM(senses) * ca.DM(ratios) * drive_angles(robot.leg, robot.parameters, q)
+
+
+def with_riding_rotors(robot: Robot) -> pin.Model:
+    """The leg's links and guides alone, and on its link, anywhere, a rotor for each motor, about the axis of the joint that it moves."""
+    model = robot.model.copy()
+    model.armature = np.zeros(model.nv)
+    for joint, inertia in zip(robot.joints, robot.rotors, strict=True):
+        between, ratio = (
+            robot.leg.joint[joint].transmission,
+            robot.parameters[robot.leg.drive(joint, "gear", "ratio")[0]],
+        )
+        on, axis = (between and between.motor_on) or "body", np.array(robot.leg.joint[joint].axis)
+        carrier = model.getJointId("z" if on == "body" else robot.joints[robot.leg.links.index(on)])
+        place = pin.SE3(np.eye(3), np.array([0.03, 0.01, -0.05]))
+        index = model.addJoint(carrier, pin.JointModelRevoluteUnaligned(axis), place, f"{joint} rotor")
+        own = pin.Inertia(0.0, np.zeros(3), np.outer(axis, axis) * inertia / ratio**2)
+        model.appendBodyToJoint(index, own, pin.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize("overrides", [ON_THIGH, RIDING, ON_BOTH, {f"{KNEE}.four_bar": FOUR_BAR} | ON_THIGH])
+def test_rotors_on_links_weigh_as_bodies_that_spin_there(overrides: dict[str, Any]) -> None:
+    """Pinocchio with the rotors as bodies of the links, in their own inertia and speed; by virtual work S' (M S a + M S' v + h)."""
+    robot = build_robot(load("paper", overrides).leg)
+    machine, model = Machine(robot), with_riding_rotors(robot)
+    data, n, draw = model.createData(), len(robot.joints), np.random.default_rng(3)
+    symbols = [ca.SX.sym(name, BASE + n) for name in "qva"]
+    planner = ca.Function("planner", symbols, [LegDynamics(robot, robot.parameters).inverse_dynamics(*symbols)])
+    spins, changes = turned_motors(robot)
+    for _ in range(4):
+        q = np.r_[draw.normal(size=2), draw.uniform(-0.5, 0.5), draw.uniform(-2.2, -0.4)]
+        v, a = draw.normal(size=(2, BASE + n)) * 3
+        S = np.vstack([np.eye(BASE + n), np.hstack([np.zeros((n, BASE)), spins(q[BASE:]).full()])])
+        late = np.r_[np.zeros(BASE + n), changes(q[BASE:], v[BASE:]).full()[:, 0]]
+        whole_q, whole_v = np.r_[q, np.zeros(n)], S @ v
+        expected = S.T @ pin.rnea(model, data, whole_q, whole_v, S @ a + late)
+        assert machine.inverse_dynamics(q, v, a) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert planner(q, v, a).full()[:, 0] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        still = np.zeros(model.nv)  # Pinocchio's crba wants bodies in the order of the tree
+        columns = [pin.rnea(model, data, whole_q, still, row).copy() for row in np.eye(model.nv)]
+        M = np.array(columns).T - pin.rnea(model, data, whole_q, still, still)[:, None]
+        for mine in (machine.mass_matrix(q), robot.mass_matrix(q)):
+            assert mine == pytest.approx(S.T @ M @ S, rel=1e-9, abs=1e-9)
+        fall = 2 * pin.computePotentialEnergy(robot.model, robot.model.createData(), q)
+        assert 2 * machine.energy(q, v) == pytest.approx(v @ S.T @ M @ S @ v + fall, rel=1e-9)
+
+
+def turned_motors(robot: Robot) -> tuple[ca.Function, ca.Function]:
+    """How fast motors turn against their housings by the joints' speeds (n, n), and what that rate is where no joint speeds up (n)."""
+    q, v = ca.SX.sym("q", len(robot.joints)), ca.SX.sym("v", len(robot.joints))
+    J = ca.jacobian(geared(robot, q), q)
+    return ca.Function("J", [q], [ca.densify(J)]), ca.Function("late", [q, v], [ca.densify(ca.jtimes(J @ v, q, v))])
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_rotor_on_the_thigh_has_the_energy_of_its_own_speed(sense: int) -> None:
+    """By Lagrange's equations, made here of the energies of two thin rods, a mass that moves freely and a rotor that turns with the thigh
+    and by its gear besides."""
+    design = load("paper", ON_THIGH | {f"{KNEE}.reversed": sense < 0})
+    robot, p = build_robot(design.leg), build_robot(design.leg).parameters
+    q, v, a = (ca.SX.sym(name, BASE + 2) for name in "qva")
+    thigh, shank, body = (p[f"leg.{name}.mass"] for name in ("thigh", "shank", "body"))
+    (l1, l2), way = (
+        (p["leg.thigh.length"], p["leg.shank.length"]),
+        lambda angle: ca.vertcat(ca.sin(angle), -ca.cos(angle)),
+    )
+    one, two = q[2], q[2] + q[3]
+    turns = v[2], v[2] + v[3]
+    centres = [
+        q[:2],
+        q[:2] + p.get("leg.thigh.com", l1 / 2) * way(one),
+        q[:2] + l1 * way(one) + p.get("leg.shank.com", l2 / 2) * way(two),
+    ]
+    inertias = [
+        p.get(f"leg.{name}.inertia", m * length**2 / 12)
+        for name, m, length in (("thigh", thigh, l1), ("shank", shank, l2))
+    ]
+    speeds = [ca.jtimes(c, q, v) for c in centres]
+    moving = sum(m * ca.sumsqr(s) for m, s in zip((body, thigh, shank), speeds, strict=True))
+    turning = sum(i * w**2 for i, w in zip(inertias, turns, strict=True))
+    ratios = [p[robot.leg.drive(joint, "gear", "ratio")[0]] for joint in robot.joints]
+    rotors = [p[robot.leg.drive(joint, "motor", "rotor_inertia")[0]] for joint in robot.joints]
+    rotors = [r + p.get("leg.gear.inertia", 0.0) for r in rotors]
+    spun = rotors[0] * (ratios[0] * v[2]) ** 2 + rotors[1] * (v[2] + sense * ratios[1] * v[3]) ** 2
+    kinetic = (moving + turning + spun) / 2
+    potential = -robot.model.gravity.linear[2] * sum(
+        m * c[1] for m, c in zip((body, thigh, shank), centres, strict=True)
+    )
+    momentum = ca.gradient(kinetic, v)
+    forces = ca.jtimes(momentum, v, a) + ca.jtimes(momentum, q, v) - ca.gradient(kinetic - potential, q)
+    lagrange = ca.Function("lagrange", [q, v, a], [forces])
+    draw = np.random.default_rng(1)
+    for _ in range(3):
+        at = draw.normal(size=(3, BASE + 2))
+        assert Machine(robot).inverse_dynamics(*at) == pytest.approx(lagrange(*at).full()[:, 0], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("overrides", [MIXED, ON_BOTH])
 @pytest.mark.parametrize("contact", [True, False])
-def test_forward_dynamics_inverts_inverse_dynamics_and_the_planner_agrees(contact: bool) -> None:
-    robot = build_robot(load("paper", MIXED).leg)
+def test_forward_dynamics_inverts_inverse_dynamics_and_the_planner_agrees(
+    contact: bool, overrides: dict[str, Any]
+) -> None:
+    robot = build_robot(load("paper", overrides).leg)
     machine, n = Machine(robot), 2
     q_j, v_j, tau = np.array([0.3, -1.1]), np.array([-2.0, 4.0]), np.array([25.0, -60.0])
     symbols = [ca.SX.sym(name, n) for name in "qva"]
     dynamics = LegDynamics(robot, robot.parameters)
     still = ca.SX.zeros(BASE)
     m = dynamics.stance(*symbols) if contact else dynamics.flight(still, still, *symbols)
-    planner = ca.Function("planner", symbols, [m.q, m.v, m.tau, m.drives.tau, m.drives.w, m.drives.w_rate])
+    planner = ca.Function("planner", symbols, [m.q, m.v, m.tau, m.drives.tau, m.drives.w, m.drives.rate])
     q, v = (x.full()[:, 0] for x in planner(q_j, v_j, np.zeros(n))[:2])
     a = machine.acceleration(q, v, tau, contact)
-    *_, again, of_drives, w, w_rate = (x.full()[:, 0] for x in planner(q_j, v_j, a[BASE:]))
+    *_, again, of_drives, w, rate = (x.full()[:, 0] for x in planner(q_j, v_j, a[BASE:]))
     assert again == pytest.approx(tau, rel=1e-9)
     assert of_drives == pytest.approx(robot.drive_torques(q, tau), rel=1e-9)
     assert w == pytest.approx(robot.drive_speeds(q, v), rel=1e-12)
     assert tau @ v[BASE:] == pytest.approx(of_drives @ w, rel=1e-9)  # no power is lost between joints and drives
     assert robot.turning is not None
-    assert w_rate == pytest.approx(robot.turning.jacobian(q_j) @ a[BASE:] + robot.turning.drift(q_j, v_j), rel=1e-9)
+    assert rate == pytest.approx(robot.turning.spin(q_j) @ a[BASE:] + robot.turning.drift(q_j, v_j), rel=1e-9)
 
 
 @pytest.mark.parametrize("contact", [True, False])
@@ -196,6 +313,7 @@ def test_the_compiled_plant_moves_a_leg_with_lossy_gears_as_pinocchio_does(conta
         ({"four_bar": FOUR_BAR | {"rod": 0.2}}, "cannot close at"),
         ({"linear": {"slope": 0.1}, "rod": {"base": 0.1, "arm": 0.05, "folded": -3.0, "travel": 0.01}}, "linear and rod: one law"),
         ({"table": {"angle": [-2.0, -1.0, 0.0], "ratio": [1.0, 1.2, 1.1]}}, "not monotone in the angle"),
+        ({"motor_on": "tigh"}, "is no link .did you mean thigh.*: allowed are body, thigh, shank"),
         ({"coupling": {"ankle": {"ratio": 1.0}}}, "names no other joint of the leg: allowed are hip"),
     ],
 )  # fmt: skip
@@ -260,9 +378,10 @@ def test_mujoco_with_drives_as_tendons_repeats_the_plan() -> None:
     assert run.lowest[-1] == pytest.approx(s.clearance, rel=1e-3)
 
 
-def test_mujoco_has_the_mass_matrix_of_a_leg_with_belts() -> None:
+@pytest.mark.parametrize("overrides", [BELTS, BELTS | {f"{KNEE}.motor_on": "thigh", f"{KNEE}.reversed": True}])
+def test_mujoco_has_the_mass_matrix_of_a_leg_with_belts(overrides: dict[str, Any]) -> None:
     library = pytest.importorskip("mujoco")
-    robot = build_robot(load("paper", BELTS).leg)
+    robot = build_robot(load("paper", overrides).leg)
     model = library.MjModel.from_xml_string(to_mjcf(robot))
     data, M, q = library.MjData(model), np.zeros((4, 4)), np.array([0.1, 0.6, 0.4, -1.2])
     data.qpos[:] = q

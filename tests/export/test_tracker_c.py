@@ -127,6 +127,7 @@ def test_c_follows_python_where_belts_couple_drives_that_lose_torque(solution: S
     belts = {
         "leg.knee.transmission.coupling": {"hip": {"ratio": 0.6}},
         "leg.hip.transmission.coupling": {"knee": {"ratio": -0.3}},
+        "leg.hip.transmission.motor_on": "shank",
     }
     tracker = coupled(solution, {**belts, "leg.gear.efficiency": 0.85, "leg.gear.friction": 1.0})
     make = compiled(tmp_path, header(tracker, "paper", ("hip", "knee"), tolerance=0.0), "-DHOPOPT_REAL=double")

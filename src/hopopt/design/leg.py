@@ -191,6 +191,11 @@ class Leg(Section):
         return tuple(name for name in self.joints if (t := self.joint[name].transmission) and t.five_bar)
 
     @property
+    def riding(self) -> tuple[str, ...]:
+        """Joints whose motor sits on a link."""
+        return tuple(name for name in self.joints if (t := self.joint[name].transmission) and t.motor_on in self.links)
+
+    @property
     def has_trunk(self) -> bool:
         """Whether the lowest point of the body's shapes counts."""
         return self.lowest != "joints" and any(shape.counts for shape in (self.body.shapes or {}).values())

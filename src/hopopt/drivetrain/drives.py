@@ -166,8 +166,8 @@ class TurnedDrive:
         accelerate: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Torques (n) [N m] of the drives after their limits, and of the joints after the gears' losses."""
-        J, drift = self.jacobian, self.turning.drift(self.q, v)
-        turned = accelerate and (lambda tau: J @ accelerate(J.T @ tau) + drift)
+        J, S, drift = self.jacobian, self.turning.spin(self.q), self.turning.drift(self.q, v)
+        turned = accelerate and (lambda tau: S @ accelerate(J.T @ tau) + drift)
         motor, tau = self.drive.torque(J @ v, self.asked(command), x, turned)
         return motor, J.T @ tau
 
@@ -184,7 +184,7 @@ class TurnedDrive:
         return np.linalg.solve(self.jacobian.T, tau)
 
     def _spun(self, v: np.ndarray, a: np.ndarray | None) -> np.ndarray | None:
-        return None if a is None else self.jacobian @ a + self.turning.drift(self.q, v)
+        return None if a is None else self.turning.spin(self.q) @ a + self.turning.drift(self.q, v)
 
 
 def _of_joints(values: Sequence[Any], n: int) -> np.ndarray:

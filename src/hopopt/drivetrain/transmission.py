@@ -4,9 +4,11 @@ A drive turns by theta(q) behind its gear: by a law of its own joint's angle, an
 proportion. With J = d theta / d q, speed w, torque tau_d of the drives and reflected inertia A of what spins in front of
 their gears,
 
-    w = J v,    tau = J' tau_d,    w' = J a + (dJ/dt) v,    and the leg bears J' A w' besides its own M a + h.
+    w = J v,    tau = J' tau_d,    s' = S a + (dJ/dt) v,    and the leg bears S' A s' besides its own M a + h.
 
-Where every drive turns as its joint does, J is the unit matrix. A law is a function of the angle, its entry of ``LAWS``; what
+Where every drive turns as its joint does, J is the unit matrix. S = J + D, where D v is how fast the motors' housings turn about
+their axes, over their gears' ratios: by that a rotor's own speed s differs from w, which is against its housing and has the torque.
+D is 0 where motors sit on the body, which does not turn. A rotor's sense is that of its drive, unless it is reversed. A law is a function of the angle, its entry of ``LAWS``; what
 derives from it is found by CasADi. Laws of linkages: plane geometry by the law of cosines, as in Norton, Design of Machinery.
 """
 
@@ -108,6 +110,19 @@ def couplings(leg: Leg, p: Mapping[str, Any]) -> Iterator[tuple[int, int, Any]]:
             yield k, leg.joints.index(other), p[f"leg.{joint}.transmission.coupling.{other}.ratio"]
 
 
+def housings(leg: Leg, p: Mapping[str, Any]) -> Iterator[tuple[int, int, Any]]:
+    """(drive, joint, ratio), by their places in the leg, of every joint that turns the housing of a drive's motor about its axis, over
+    the gear's ratio: the entries of D; below zero where the housing turns against the rotor."""
+    for k, joint in enumerate(leg.joints):
+        between = leg.joint[joint].transmission
+        if between is None or between.motor_on not in leg.links:
+            continue
+        own = next(at for at in leg.link_joints if at.coordinate == k and not at.follows)
+        gear = p[leg.drive(joint, "gear", "ratio")[0]] * (-1 if between.reversed else 1)
+        for at in leg.link_joints[: leg.links.index(between.motor_on) + 1]:
+            yield k, at.coordinate, float(np.dot(at.axis, own.axis)) * at.ratio / gear
+
+
 def drive_angles(leg: Leg, p: Mapping[str, Any], q: ca.SX) -> ca.SX:
     """theta (n) [rad] of the drives behind their gears at joint angles q (n), from parameter values or symbols by their paths."""
     found = [drive_angle(leg, joint, p, q[k]) for k, joint in enumerate(leg.joints)]
@@ -181,18 +196,22 @@ def _ratios_and_slopes(leg: Leg, joint: str, p: Mapping[str, Any], angles: np.nd
 
 @dataclass(frozen=True)
 class Turned:
-    """The drives at one instant: w, w_rate (n) [rad/s, rad/s^2] of what is behind their gears; jacobian: d theta / d q (n, n)."""
+    """The drives at one instant: speeds w (n) [rad/s] behind their gears; rate (n) [rad/s^2] at which what spins in front of them speeds
+    up, over their ratios; jacobian, spin: J and S (n, n)."""
 
     w: ca.SX
-    w_rate: ca.SX
+    rate: ca.SX
     jacobian: ca.SX
+    spin: ca.SX
 
 
 def turned(leg: Leg, p: Mapping[str, Any], q: ca.SX, v: ca.SX, a: ca.SX) -> Turned:
     """The drives of joint angles q, which are symbols, speeds v and accelerations a (n) [rad, rad/s, rad/s^2]."""
     jacobian = ca.jacobian(drive_angles(leg, p, q), q)
-    w = jacobian @ v
-    return Turned(w, jacobian @ a + ca.jtimes(w, q, v), jacobian)
+    w, spin = jacobian @ v, ca.SX(jacobian)
+    for k, joint, ratio in housings(leg, p):
+        spin[k, joint] += ratio
+    return Turned(w, spin @ a + ca.jtimes(w, q, v), jacobian, spin)
 
 
 class Turning:
@@ -212,7 +231,19 @@ class Turning:
         n = len(self.leg.joints)
         q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
         found = turned(self.leg, self.p, q, v, ca.SX.zeros(n))
-        return ca.Function("turning", [q, v], [ca.densify(found.jacobian), found.w_rate])
+        return ca.Function("turning", [q, v], [ca.densify(found.jacobian), found.rate])
+
+    @cached_property
+    def housings(self) -> np.ndarray:
+        """D (n, n): how fast housings turn about their motors' axes, over their gears' ratios, by the joints' speeds."""
+        found = np.zeros((len(self.leg.joints),) * 2)
+        for k, joint, ratio in housings(self.leg, self.p):
+            found[k, joint] += ratio
+        return found
+
+    def spin(self, q: np.ndarray) -> np.ndarray:
+        """S (n, n): speeds of what spins in front of the gears, over their ratios, by those of the joints, at angles q (n)."""
+        return self.jacobian(q) + self.housings
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """d theta / d q (n, n) at joint angles q (n)."""
@@ -226,6 +257,10 @@ class Turning:
         """Speeds of the drives behind their gears at q, v (..., n) [rad, rad/s]."""
         return np.einsum("...ij,...j->...i", self._jacobians(q), v)
 
+    def spins(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Speeds of what spins in front of the gears, over their ratios, at q, v (..., n) [rad, rad/s]."""
+        return np.einsum("...ij,...j->...i", self._jacobians(q) + self.housings, v)
+
     def drive_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Torques of the drives (..., n) [N m] that come to tau (..., n) at the joints."""
         return np.linalg.solve(np.swapaxes(self._jacobians(q), -1, -2), tau[..., None])[..., 0]
@@ -235,20 +270,20 @@ class Turning:
         return np.einsum("...ji,...j->...i", self._jacobians(q), tau)
 
     def rates(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """w' (..., n) [rad/s^2] of the drives at q, v, a (..., n) of the joints."""
+        """s' (..., n) [rad/s^2] of what spins in front of the gears, over their ratios, at q, v, a (..., n) of the joints."""
         n, rows = q.shape[-1], q.reshape(-1, q.shape[-1])
         late = self._at.map(len(rows))(rows.T, v.reshape(-1, n).T)[1].full().T.reshape(q.shape)
-        return self.speeds(q, a) + late
+        return self.spins(q, a) + late
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
-        """J' A J (n, n) [kg m^2]: what the rotors add to the joints' mass matrix."""
-        J = self.jacobian(q)
-        return J.T @ (self.rotors[:, None] * J)
+        """S' A S (n, n) [kg m^2]: what the rotors add to the joints' mass matrix."""
+        S = self.spin(q)
+        return S.T @ (self.rotors[:, None] * S)
 
     def force(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """J' A w' (n) [N m]: what the rotors ask of the joints."""
-        J = self.jacobian(q)
-        return J.T @ (self.rotors * (J @ a + self.drift(q, v)))
+        """S' A s' (n) [N m]: what the rotors ask of the joints."""
+        S = self.spin(q)
+        return S.T @ (self.rotors * (S @ a + self.drift(q, v)))
 
     def _jacobians(self, q: np.ndarray) -> np.ndarray:
         rows = q.reshape(-1, q.shape[-1])

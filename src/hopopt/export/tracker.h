@@ -145,8 +145,9 @@ static inline void hopopt_add(hopopt_real *y, hopopt_real sign, const hopopt_rea
         for (int j = 0; j < columns; j++) y[i] += sign * M[i * columns + j] * x[j];
 }
 
-/* Where belts or rods let a drive turn with other joints: speeds of the joints become those of the drives, torques of the joints those
-   of the drives, and torques of the drives those of the joints. Elsewhere both are the same. */
+/* Where belts or rods let a drive turn with other joints: speeds of the joints become those of the drives, or of their rotors
+   over the gears' ratios, torques of the joints those of the drives, and torques of the drives those of the joints. Elsewhere both are
+   the same. */
 #if HOPOPT_COUPLED
 static inline void hopopt_times(const hopopt_real *M, hopopt_real *x) {
     hopopt_real y[HOPOPT_JOINTS] = {0};
@@ -154,10 +155,12 @@ static inline void hopopt_times(const hopopt_real *M, hopopt_real *x) {
     memcpy(x, y, sizeof y);
 }
 static inline void hopopt_drive_speeds(hopopt_real *v) { hopopt_times(hopopt_turns, v); }
+static inline void hopopt_rotor_speeds(hopopt_real *v) { hopopt_times(hopopt_spins, v); }
 static inline void hopopt_drive_torques(hopopt_real *tau) { hopopt_times(hopopt_asks, tau); }
 static inline void hopopt_joint_torques(hopopt_real *tau) { hopopt_times(hopopt_gives, tau); }
 #else
 static inline void hopopt_drive_speeds(hopopt_real *v) { (void)v; }
+static inline void hopopt_rotor_speeds(hopopt_real *v) { (void)v; }
 static inline void hopopt_drive_torques(hopopt_real *tau) { (void)tau; }
 static inline void hopopt_joint_torques(hopopt_real *tau) { (void)tau; }
 #endif
@@ -168,7 +171,7 @@ static inline void hopopt_spun(const hopopt_phase *p, hopopt_real since, hopopt_
     hopopt_at(p, since, q, now);
     hopopt_at(p, since + HOPOPT_PERIOD, q, then);
     for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] = (then[j] - now[j]) / HOPOPT_PERIOD;
-    hopopt_drive_speeds(spun);
+    hopopt_rotor_speeds(spun);
     for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] *= hopopt_rotor[j];
 }
 

@@ -178,6 +178,7 @@ class Tables:
         if turning:
             turns = turning.jacobian(tracker.rest)  # constant: of couplings alone
             shared |= {"turns": turns, "asks": np.linalg.inv(turns.T), "gives": turns.T}
+            shared |= {"spins": turning.spin(tracker.rest)}
         lines += [_array(name, values) for name, values in shared.items()]
         for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
             joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()

@@ -42,10 +42,11 @@ PLANE_ROWS = list(PLANE)
 
 @dataclass(frozen=True)
 class DriveMotion:
-    """The drives behind their gears at one instant: speeds w, their rates w_rate (n) [rad/s, rad/s^2], torques tau (n) [N m]."""
+    """The drives behind their gears at one instant: speeds w (n) [rad/s], the rate (n) [rad/s^2] at which what spins in front of them
+    speeds up, over their ratios, and torques tau (n) [N m]."""
 
     w: ca.SX
-    w_rate: ca.SX
+    rate: ca.SX
     tau: ca.SX
 
 
@@ -130,7 +131,7 @@ class LegDynamics:
             rotors = ca.vertcat(*armatures(self.bodies)[BASE:])
             drives = turned(self.robot.leg, self.p, q[BASE:], v[BASE:], a[BASE:])
             forces = rnea(self.robot.model, bare, q, v, a)
-            joints += drives.jacobian.T @ (rotors * drives.w_rate)
+            joints += drives.spin.T @ (rotors * drives.rate)
             if self.robot.leg.five_bars:
                 forces += self._side_forces(q, v, a)
         if self.springs:
@@ -144,7 +145,7 @@ class LegDynamics:
         if self.robot.leg.direct:
             return LegMotion(q, v, a, tau, f, DriveMotion(v[BASE:], a[BASE:], tau))
         drives = turned(self.robot.leg, self.p, q[BASE:], v[BASE:], a[BASE:])
-        return LegMotion(q, v, a, tau, f, DriveMotion(drives.w, drives.w_rate, ca.solve(drives.jacobian.T, tau)))
+        return LegMotion(q, v, a, tau, f, DriveMotion(drives.w, drives.rate, ca.solve(drives.jacobian.T, tau)))
 
     def stance_pose(self, q_j: ca.SX, v_j: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q and v (BASE + n) with the foot pinned at the origin, and the foot Jacobian (BASE x n)."""

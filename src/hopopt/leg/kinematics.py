@@ -74,8 +74,9 @@ def planar(leg: Leg) -> bool:
 
 def can_slip(leg: Leg) -> bool:
     """Whether slipping is simulated for a leg: on x and z guides, every joint turning in their plane by its own drive, without
-    five-bars. Other feet stay, and the friction that this needs is reported."""
-    return planar(leg) and "x" in leg.guides and not leg.follows and not (leg.sliding or leg.five_bars)
+    five-bars, motors on the body. Other feet stay, and the friction that this needs is reported."""
+    apart = leg.follows or leg.sliding or leg.five_bars or leg.riding
+    return planar(leg) and "x" in leg.guides and not apart
 
 
 def two_joints(leg: Leg) -> bool:

@@ -115,6 +115,10 @@ class Robot:
         speeds = self.turning.speeds(q[..., BASE:], v[..., BASE:]) if self.turning else v[..., BASE:]
         return speeds if x is None else added_states(self.leg, self.parameters).speeds(x, speeds)
 
+    def rotor_speeds(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Speeds (..., n) [rad/s] of what spins in front of the gears, over their ratios, at q, v (..., BASE + n) of the leg."""
+        return self.turning.spins(q[..., BASE:], v[..., BASE:]) if self.turning else v[..., BASE:]
+
     def joint_torques(self, q: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Torques at the joints (..., n) [N m] of torques tau (..., n) of the drives behind their gears, at q (..., BASE + n)."""
         return self.turning.joint_torques(q[..., BASE:], tau) if self.turning else tau

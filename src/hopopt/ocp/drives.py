@@ -36,7 +36,7 @@ def motor_torques(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX
             tau = [asked[k] if k in leg.drive_states.at else tau[k] for k in range(leg.n)]
         for k in lossy:
             gear, rotor = Gear.of(leg.leg, leg.leg.joints[k], p), armatures(leg.dynamics(s).bodies)[BASE + k]
-            tau[k] = motor_torque(gear, m.tau[k], m.w[k], m.w_rate[k], rotor)
+            tau[k] = motor_torque(gear, m.tau[k], m.w[k], m.rate[k], rotor)
         return ca.vertcat(*tau)
 
     return lambda s: s.once("motor torques", lambda: torques(s))

@@ -274,7 +274,7 @@ class Machine:
 
     def energy(self, q: np.ndarray, v: np.ndarray) -> float:
         """Kinetic (with the rotors') and potential energy (with the springs') [J]."""
-        rotors = 0.5 * float(np.sum(self.robot.rotors * self.robot.drive_speeds(q, v) ** 2))
+        rotors = 0.5 * float(np.sum(self.robot.rotors * self.robot.rotor_speeds(q, v) ** 2))
         stored = self.robot.springs.energy(list(q[BASE:]))
         return self._links_energy(q, v) + rotors + float(stored)
 

@@ -17,7 +17,7 @@ from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import gears_of
 from hopopt.drivetrain.motor import voltage_line
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
-from hopopt.leg.files.export import DRIVE, to_mjcf
+from hopopt.leg.files.export import DRIVE, ROTOR, to_mjcf
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import Scale, radians
 from hopopt.sim.machine import Machine
@@ -171,10 +171,9 @@ class _Scene:
         limits = [robot.leg.joint[joint] for joint in robot.joints]
         self.turning, pose = robot.turning, np.array([(limit.lower + limit.upper) / 2 for limit in limits])
         self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot, dc_motors, heat=False, pose=pose))
-        first = [self.model.tendon(DRIVE.format(joint)).id for joint in robot.joints if self.turning]
-        self._ratios = [
-            self.model.tendon_adr[k] + np.arange(len(first)) for k in first
-        ]  # places of the tendons' ratios
+        drives = dict(enumerate(robot.joints)) if self.turning else {}
+        self._ratios = self._ratios_of(DRIVE, drives)
+        self._spins = self._ratios_of(ROTOR, {k: joint for k, joint in drives.items() if joint in robot.leg.riding})
         self.motors = [voltage_line(robot.leg, joint, robot.parameters) for joint in robot.joints * dc_motors]
         self.data = self.mj.MjData(self.model)
         option, disable = self.model.opt, self.mj.mjtDisableBit
@@ -193,6 +192,11 @@ class _Scene:
         self.fastest = SENSELESS / Scale.of(robot.leg).time
         self.touches = TOUCHES * Scale.of(robot.leg).length
         self.grip = PIN_PULL * float(np.linalg.norm(option.gravity)) * float(self.model.body_mass.sum())
+
+    def _ratios_of(self, name: str, joints: dict[int, str]) -> dict[int, np.ndarray]:
+        """Where the ratios of such a tendon are, by the number of its joint."""
+        tendons = {k: self.model.tendon(name.format(joint)).id for k, joint in joints.items()}
+        return {k: self.model.tendon_adr[at] + np.arange(self.model.tendon_num[at]) for k, at in tendons.items()}
 
     def begin(self, q: np.ndarray, v: np.ndarray, contact: bool) -> None:
         self.data.qpos[:], self.data.qvel[:], self.data.eq_active[0] = q, v, contact and self.pinned
@@ -223,10 +227,11 @@ class _Scene:
         """Give tendons that are drives their ratios at joint angles q (n); what rotors that the ratios speed up ask, (n) [N m]."""
         if self.turning is None:
             return 0.0
-        J = self.turning.jacobian(q)
-        for places, row in zip(self._ratios, J, strict=True):
-            self.model.wrap_prm[places] = row
-        return J.T @ (self.turning.rotors * self.turning.drift(q, v))
+        J, S = self.turning.jacobian(q), self.turning.spin(q)
+        for matrix, tendons in ((J, self._ratios), (S, self._spins)):
+            for k, places in tendons.items():
+                self.model.wrap_prm[places] = matrix[k]
+        return S.T @ (self.turning.rotors * self.turning.drift(q, v))
 
     def advance(self, steps: int) -> None:
         self.mj.mj_step(self.model, self.data, steps)

@@ -79,10 +79,11 @@ class Drives:
             if self.gear is None:
                 return motor
             return self._passed(motor, v[BASE:], lambda tau: machine.acceleration(q, v, tau, contact)[BASE:])
-        J, drift = self.turning.jacobian(q[BASE:]), self.turning.drift(q[BASE:], v[BASE:])
+        J, S = self.turning.jacobian(q[BASE:]), self.turning.spin(q[BASE:])
         if self.gear is None:
             return J.T @ motor
-        turned = lambda tau: J @ machine.acceleration(q, v, J.T @ tau, contact)[BASE:] + drift  # noqa: E731
+        drift = self.turning.drift(q[BASE:], v[BASE:])
+        turned = lambda tau: S @ machine.acceleration(q, v, J.T @ tau, contact)[BASE:] + drift  # noqa: E731
         return J.T @ self._passed(motor, J @ v[BASE:], turned)
 
     def _passed(self, motor: np.ndarray, w: np.ndarray, accelerate: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -200,9 +201,9 @@ def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
         known = leg.supply is not None or all(leg.drive(joint, "motor", entry)[1] is not None for entry in WINDING)
         heat, total = winding_heat(leg, joint, p), np.zeros(3)
         for table in closely.values():
-            w, w_rate, tau = (each[..., k] for each in at_drives(robot, table))
+            w, rate, tau = (each[..., k] for each in at_drives(robot, table))
             motor = table.asked[..., k]
-            out, rubbing = tau - rotors(robot)[k] * w_rate, gear.of_one(1.0)
+            out, rubbing = tau - rotors(robot)[k] * rate, gear.of_one(1.0)
             friction = (rubbing.needed(out, w) - out) * w
             rates = ((motor - tau) * w - friction, friction, heat * motor**2)
             total += [over_time(table, rate) for rate in rates]
@@ -284,8 +285,8 @@ def _gears(robot: Robot, phase: str, table: Table) -> Check:
     name = f"{phase} gears"
     if table.command is None:
         return Check(name, np.inf, EXACT, "relative", "the plan has no torques of its motors")
-    w, w_rate, tau = at_drives(robot, table)
-    needed = motor_torque(gears_of(robot.leg, robot.parameters), tau, w, w_rate, rotors(robot))
+    w, rate, tau = at_drives(robot, table)
+    needed = motor_torque(gears_of(robot.leg, robot.parameters), tau, w, rate, rotors(robot))
     wrong = np.abs(needed - table.command).max(axis=(1, 2))
     where = f"interval from {table.t[int(np.argmax(wrong)), 0]:.4f} s"
     return Check(name, float(wrong.max()) / float(np.abs(table.command).max()), EXACT, "relative", where)

@@ -110,6 +110,12 @@ class Transmission(Section):
         None,
         listed=False,
     )
+    motor_on: str | None = choice(
+        "name of the link on which the motor sits, so that what spins in it rides on that link (default: body)",
+        None,
+        listed=False,
+    )
+    reversed: bool = choice("whether the motor spins against its drive, as behind two outer gear wheels", False)
 
     @property
     def law(self) -> str | None:

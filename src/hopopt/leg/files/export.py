@@ -44,7 +44,7 @@ IN_SPACE = (
 )
 TAKES_TORQUE = "A motor takes its joint's torque; its limit is the one at standstill."
 TAKES_VOLTAGE = "A motor takes the voltage at its terminals."
-DRIVE = "{} drive"  # name of the tendon that is a joint's drive
+DRIVE, ROTOR = "{} drive", "{} rotor"  # names of the tendons that are a joint's drive, and its rotor on a link
 SPRINGS = "The leg has springs beside its drives, which URDF does not know."
 ON_SLIDER = "The body moves on a vertical slider: its guide along x is fixed."
 
@@ -236,11 +236,16 @@ def _ratios(robot: Robot, pose: np.ndarray | None, dc_motors: bool) -> np.ndarra
 
 
 def _mjcf_drives(tendons: ET.Element, robot: Robot, turns: np.ndarray) -> None:
-    """Drives as tendons on joints, whose length is the drive's angle behind its gear."""
-    for joint, row, rotor in zip(robot.joints, turns, robot.rotors, strict=True):
-        fixed = ET.SubElement(tendons, "fixed", name=DRIVE.format(joint), armature=_text([float(rotor)]))
-        for other, ratio in zip(robot.joints, row.tolist(), strict=True):
-            ET.SubElement(fixed, "joint", joint=other, coef=_text([ratio]))
+    """Drives as tendons on joints, whose length is the drive's angle behind its gear; with the rotor's inertia, or a tendon for that
+    where it rides on a link: its length is the rotor's own angle over the gear's ratio."""
+    assert robot.turning is not None
+    for k, (joint, rotor) in enumerate(zip(robot.joints, robot.rotors.tolist(), strict=True)):
+        rides = joint in robot.leg.riding
+        found = [(DRIVE, turns[k], 0.0 if rides else rotor)]
+        for name, row, inertia in [*found, (ROTOR, turns[k] + robot.turning.housings[k], rotor)][: 1 + rides]:
+            fixed = ET.SubElement(tendons, "fixed", name=name.format(joint), armature=_text([inertia]))
+            for other, ratio in zip(robot.joints, row.tolist(), strict=True):
+                ET.SubElement(fixed, "joint", joint=other, coef=_text([ratio]))
 
 
 def _mjcf_springs(tendons: ET.Element, robot: Robot) -> None:

@@ -114,11 +114,11 @@ class MovingLeg:
         if not states.sprung or not hasattr(s, "command"):
             return m
         d, own = m.drives, added_states(self.leg, s.p)
-        w, w_rate, tau = (ca.vertsplit(each) for each in (d.w, d.w_rate, d.tau))
+        w, rate, tau = (ca.vertsplit(each) for each in (d.w, d.rate, d.tau))
         rates = own.rates(ca.vertsplit(s.drive), self.commands(s), ca.vertsplit(s.v))
         for k, place in states.sprung.items():
-            w[k], w_rate[k], tau[k] = s.drive[place], rates[place], tau[k] + own.rotors[k] * rates[place]
-        return replace(m, drives=DriveMotion(ca.vertcat(*w), ca.vertcat(*w_rate), ca.vertcat(*tau)))
+            w[k], rate[k], tau[k] = s.drive[place], rates[place], tau[k] + own.rotors[k] * rates[place]
+        return replace(m, drives=DriveMotion(ca.vertcat(*w), ca.vertcat(*rate), ca.vertcat(*tau)))
 
     def stance_pose(self, s: Instant) -> tuple[ca.SX, ca.SX]:
         """q and v (2 + n) of body and joints in stance."""

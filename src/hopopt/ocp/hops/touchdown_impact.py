@@ -84,4 +84,4 @@ def gear_impulse(leg: MovingLeg, s: Instant) -> ca.SX:
     q, v = leg.flight_pose(s)
     after = impact_at(leg, s)[0]
     still = ca.SX.zeros(BASE + leg.n)
-    return rotors * dynamics.motion(q, after - v, still, still[BASE:], still[BASE:]).drives.w
+    return rotors * dynamics.motion(q, still, after - v, still[BASE:], still[BASE:]).drives.rate

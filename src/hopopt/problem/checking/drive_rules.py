@@ -127,12 +127,38 @@ def transmission_rules(leg: Leg, report: Report) -> None:
             _five_bar_rules(leg, joint, f"{path}.five_bar", report)
         elif given:
             _moving_rules(leg, joint, f"{path}.{given[0]}", report)
+        _motor_on_rules(leg, joint, report)
         for other in between.coupling or ():
             if other not in leg.joints or other == joint:
                 others = ", ".join(name for name in leg.joints if name != joint) or "none"
                 report.add(f"{path}.coupling.{other}", f"names no other joint of the leg: allowed are {others}")
     if not report.faults:
         _apart_rules(leg, report)
+
+
+def _motor_on_rules(leg: Leg, joint: str, report: Report) -> None:
+    """Report a motor on what is no link, or whose rotor's axis is not that of all joints before it."""
+    between = leg.joint[joint].transmission
+    if between is None or between.motor_on is None:
+        return
+    path, places = f"leg.{joint}.transmission.motor_on", ("body", *leg.links)
+    if between.motor_on not in places:
+        words = f"= {shown(between.motor_on)} is no link{did_you_mean(between.motor_on, places)}"
+        report.add(path, f"{words}: allowed are {', '.join(places)}")
+    elif joint not in leg.riding:
+        return
+    elif joint in leg.sliding:
+        report.add(path, f"needs a joint that turns, and the {joint} slides: leave it out")
+    elif not planar(leg):
+        report.add(
+            path,
+            "is of a rotor in the plane of x and z, which this leg leaves: leave it out, or give every joint an axis along y",
+        )
+    elif between.five_bar is not None:
+        report.add(
+            path,
+            f"does not go with leg.{joint}.transmission.five_bar, whose motor is on what carries the crank: leave it out",
+        )
 
 
 def series_rules(leg: Leg, report: Report) -> None:

@@ -37,7 +37,8 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: Collection[str
     """
     if not can_slip(robot.leg):
         raise UsageError(
-            "ground with friction is simulated for legs on x and z guides that move in the x-z plane, without five-bars, only"
+            "ground with friction is simulated for legs on x and z guides that move in the x-z plane, without five-bars and with "
+            "motors on the body, only"
         )
     n, model = len(robot.joints), robot.model
     inertias, axes = list(model.inertias)[BASE + 1 :], [robot.leg.joint[name].axis[1] for name in robot.joints]

@@ -54,7 +54,7 @@ def touchdown_of(machine: Machine, tables: Mapping[str, Table], begin: np.ndarra
     those of the landing, or of the first stance again."""
     q, v = tables[DESCENT].q[-1, -1], tables[DESCENT].v[-1, -1]
     after, impulse = machine.impact(q, v)
-    gear = machine.robot.rotors * machine.robot.drive_speeds(q, after - v)
+    gear = machine.robot.rotors * machine.robot.rotor_speeds(q, after - v)
     lost = machine.energy(q, v) - machine.energy(q, after)
     begin = joints_at(tables.get(LANDING, tables[STANCE]), 0) if begin is None else begin
     return Touchdown(closure(machine, begin, q, v), *machine.foot_motion(q, v), impulse[:BASE], lost, gear)

@@ -8,7 +8,8 @@ from hopopt.verify.table import Table
 
 
 def at_drives(robot: Robot, table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Speeds [rad/s], their rates [rad/s^2] and torques [N m] of the drives behind their gears, (N, K, n) each."""
+    """Speeds [rad/s] and torques [N m] of the drives behind their gears, first and last, and between them the rates [rad/s^2] at
+    which what spins in front of the gears speeds up, over their ratios, (N, K, n) each."""
     if robot.leg.elastic and table.drive is not None:
         return _sprung(robot, table, table.drive)
     if robot.turning is None:
