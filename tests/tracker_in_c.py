@@ -33,10 +33,10 @@ void torque(double t, const double *q, const double *v, int contact, double sinc
     hopopt_torque(&state, (hopopt_real)t, angles, speeds, contact, (hopopt_real)since, landings, torques);
     for (int j = 0; j < HOPOPT_JOINTS; j++) tau[j] = (double)torques[j];
 }
-void drives(const double *tau, double *out) {
-    hopopt_real torques[HOPOPT_JOINTS];
-    for (int j = 0; j < HOPOPT_JOINTS; j++) torques[j] = (hopopt_real)tau[j];
-    hopopt_drive_torques(torques);
+void drives(const double *q, const double *tau, double *out) {
+    hopopt_real angles[HOPOPT_JOINTS], torques[HOPOPT_JOINTS];
+    for (int j = 0; j < HOPOPT_JOINTS; j++) angles[j] = (hopopt_real)q[j], torques[j] = (hopopt_real)tau[j];
+    hopopt_drive_torques(angles, torques);
     for (int j = 0; j < HOPOPT_JOINTS; j++) out[j] = (double)torques[j];
 }
 """
@@ -53,7 +53,7 @@ class InC:
         double, whole = ctypes.c_double, ctypes.c_int
         self.compiled.torque.argtypes = [double, Doubles, Doubles, whole, double, whole, Doubles]
         self.compiled.torque.restype = None
-        self.compiled.drives.argtypes = [Doubles, Doubles]
+        self.compiled.drives.argtypes = [Doubles, Doubles, Doubles]
         self.compiled.drives.restype = None
         self.compiled.reset()
 

@@ -122,26 +122,44 @@ def coupled(solution: Solution, entries: dict[str, object]) -> Track:
     return tracker_of(TrackedPlan(replace(plan.motion, design=design), plan.reference))
 
 
-def test_c_follows_python_where_belts_couple_drives_that_lose_torque(solution: Solution, tmp_path: Path) -> None:
-    """To rounding in doubles; and the torques that it names of the drives are those of the transmission."""
-    belts = {
-        "leg.knee.transmission.coupling": {"hip": {"ratio": 0.6}},
-        "leg.hip.transmission.coupling": {"knee": {"ratio": -0.3}},
-        "leg.hip.transmission.motor_on": "shank",
-    }
-    tracker = coupled(solution, {**belts, "leg.gear.efficiency": 0.85, "leg.gear.friction": 1.0})
+KNEE, BELTS = "leg.knee.transmission", {
+    "leg.knee.transmission.coupling": {"hip": {"ratio": 0.6}},
+    "leg.hip.transmission.coupling": {"knee": {"ratio": -0.3}},
+    "leg.hip.transmission.motor_on": "shank",
+}  # fmt: skip
+FOUR_BAR = {"ground": 0.3, "crank": 0.06, "rod": 0.31, "arm": 0.05, "stretched": -2.9}
+TABLE = {"angle": [-2.2, -1.3, -0.6], "ratio": [1.4, 1.1, 0.7]}
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        {},
+        {f"{KNEE}.table": TABLE},
+        {f"{KNEE}.four_bar": FOUR_BAR},
+    ],
+)
+def test_c_follows_python_where_lossy_drives_turn_by_belts_and_laws(
+    solution: Solution, tmp_path: Path, law: dict[str, object]
+) -> None:
+    """In doubles; and the torques that it names of the drives are those of the transmission."""
+    tracker = coupled(solution, {**BELTS, **law, "leg.gear.efficiency": 0.85, "leg.gear.friction": 1.0})
     make = compiled(tmp_path, header(tracker, "paper", ("hip", "knee"), tolerance=0.0), "-DHOPOPT_REAL=double")
-    both = Both(copy(tracker), make())
+    both, turning = Both(copy(tracker), make()), tracker.drive.turning
+    assert turning is not None
     for now in measured(tracker, np.arange(0.0, 0.9, 0.003), 0.1):
         asked, drives = both.torque(now), np.zeros(2)
-        both.second.compiled.drives(asked.ctypes.data_as(Doubles), drives.ctypes.data_as(Doubles))  # type: ignore[attr-defined]
-        assert drives @ np.array([[1.0, -0.3], [0.6, 1.0]]) == pytest.approx(asked, rel=1e-9, abs=1e-9)
-    assert max(both.differences) < 1e-9
+        arrays = [x.ctypes.data_as(Doubles) for x in (np.ascontiguousarray(now.q), asked, drives)]
+        both.second.compiled.drives(*arrays)  # type: ignore[attr-defined]
+        if -2.4 < now.q[1] < -0.15:
+            assert turning.jacobian(now.q).T @ drives == pytest.approx(asked, rel=1e-8, abs=1e-8)
+    assert max(both.differences) < (1e-6 if law else 1e-9)
 
 
-def test_c_refuses_ratios_that_change(solution: Solution) -> None:
-    with pytest.raises(UsageError, match="no ratio that changes with the angle"):
-        header(coupled(solution, {"leg.knee.transmission.linear.slope": -0.1}), "paper", ("hip", "knee"))
+def test_c_refuses_five_bars(solution: Solution) -> None:
+    bar = {"crank": 0.1, "rod": 0.38, "arm": 0.1}
+    with pytest.raises(UsageError, match="no five-bars"):
+        header(coupled(solution, {f"{KNEE}.five_bar": bar}), "paper", ("hip", "knee"))
 
 
 def measured(

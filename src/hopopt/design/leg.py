@@ -130,13 +130,6 @@ class Leg(Section):
         return all(joint.transmission is None for joint in self.joint.values())
 
     @property
-    def constant_ratios(self) -> bool:
-        """Whether drives turn in constant proportions to the joints: each as its joint does, or by couplings alone."""
-        return all(
-            t is None or not (t.law or t.five_bar) for t in (joint.transmission for joint in self.joint.values())
-        )
-
-    @property
     def elastic(self) -> tuple[str, ...]:
         """Joints with a spring between them and their drives."""
         return tuple(name for name in self.joints if self.joint[name].series_spring is not None)

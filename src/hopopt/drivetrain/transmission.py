@@ -185,6 +185,17 @@ def numbers(leg: Leg, p: Mapping[str, float]) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def cubics(leg: Leg, joint: str, p: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angles [rad], ratios and slopes [1/rad] (k,) between which a cubic is the ratio of a joint's own law, exactly where it is one
+    itself, else within 1e-9; it goes straight on beyond them."""
+    between = leg.joint[joint].transmission
+    if between is None or between.law is None or between.linear is not None:
+        angles = in_range(leg, joint, 2)
+    else:
+        angles = np.array(between.table.angle) if between.table is not None else in_range(leg, joint, PLACES)
+    return angles, *_ratios_and_slopes(leg, joint, p, angles)
+
+
 def _ratios_and_slopes(leg: Leg, joint: str, p: Mapping[str, Any], angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of a joint's own law at angles (k,) [rad]: its ratios and their derivatives [1/rad], (k,) each."""
     q = ca.SX.sym("q")

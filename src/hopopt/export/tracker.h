@@ -145,33 +145,110 @@ static inline void hopopt_add(hopopt_real *y, hopopt_real sign, const hopopt_rea
         for (int j = 0; j < columns; j++) y[i] += sign * M[i * columns + j] * x[j];
 }
 
-/* Where belts or rods let a drive turn with other joints: speeds of the joints become those of the drives, or of their rotors
-   over the gears' ratios, torques of the joints those of the drives, and torques of the drives those of the joints. Elsewhere both are
-   the same. */
+/* How fast drives turn, behind their gears, by their joints' speeds, of which belts, rods and cranks make more than one of the joint's
+   own: d theta / d q row by row, and how the ratios of the joints' own laws change [1/rad]. Elsewhere both turn together. */
 #if HOPOPT_COUPLED
-static inline void hopopt_times(const hopopt_real *M, hopopt_real *x) {
-    hopopt_real y[HOPOPT_JOINTS] = {0};
-    hopopt_add(y, HOPOPT_R(1.0), M, HOPOPT_JOINTS, HOPOPT_JOINTS, x);
-    memcpy(x, y, sizeof y);
+typedef struct {
+    hopopt_real turns[HOPOPT_JOINTS * HOPOPT_JOINTS], slopes[HOPOPT_JOINTS];
+} hopopt_ratios;
+
+/* Ratio of a joint's own law at an angle q [rad]: a cubic between the places of its table, straight beyond them. */
+static inline hopopt_real hopopt_own_ratio(int joint, hopopt_real q, hopopt_real *slope) {
+    const int first = hopopt_law[joint], last = hopopt_law[joint + 1] - 1;
+    const hopopt_real *at = hopopt_law_angle, *ratio = hopopt_law_ratio, *rise = hopopt_law_slope;
+    if (q <= at[first] || q >= at[last]) {
+        const int end = q <= at[first] ? first : last;
+        *slope = rise[end];
+        return ratio[end] + rise[end] * (q - at[end]);
+    }
+    const int i = first + hopopt_find(at + first, last - first + 1, 1, q);
+    const hopopt_real h = at[i + 1] - at[i], s = (q - at[i]) / h, up = ratio[i + 1] - ratio[i];
+    const hopopt_real d0 = rise[i] * h, d1 = rise[i + 1] * h;
+    const hopopt_real curve = HOPOPT_R(3.0) * up - HOPOPT_R(2.0) * d0 - d1, twist = d0 + d1 - HOPOPT_R(2.0) * up;
+    *slope = (d0 + s * (HOPOPT_R(2.0) * curve + HOPOPT_R(3.0) * s * twist)) / h;
+    return ratio[i] + s * (d0 + s * (curve + s * twist));
 }
-static inline void hopopt_drive_speeds(hopopt_real *v) { hopopt_times(hopopt_turns, v); }
-static inline void hopopt_rotor_speeds(hopopt_real *v) { hopopt_times(hopopt_spins, v); }
-static inline void hopopt_drive_torques(hopopt_real *tau) { hopopt_times(hopopt_asks, tau); }
-static inline void hopopt_joint_torques(hopopt_real *tau) { hopopt_times(hopopt_gives, tau); }
+
+static inline void hopopt_ratios_at(const hopopt_real *q, hopopt_ratios *r) {
+    memcpy(r->turns, hopopt_coupling, sizeof r->turns);
+    for (int j = 0; j < HOPOPT_JOINTS; j++) r->turns[j * HOPOPT_JOINTS + j] += hopopt_own_ratio(j, q[j], &r->slopes[j]);
+}
+
+/* Speeds of the joints become those of the drives; torques of the drives those of the joints. */
+static inline void hopopt_drive_speeds(const hopopt_ratios *r, hopopt_real *v) {
+    hopopt_real w[HOPOPT_JOINTS] = {0};
+    hopopt_add(w, HOPOPT_R(1.0), r->turns, HOPOPT_JOINTS, HOPOPT_JOINTS, v);
+    memcpy(v, w, sizeof w);
+}
+static inline void hopopt_joint_torques(const hopopt_ratios *r, hopopt_real *tau) {
+    hopopt_real out[HOPOPT_JOINTS] = {0};
+    for (int i = 0; i < HOPOPT_JOINTS; i++)
+        for (int j = 0; j < HOPOPT_JOINTS; j++) out[i] += r->turns[j * HOPOPT_JOINTS + i] * tau[j];
+    memcpy(tau, out, sizeof out);
+}
+
+/* Accelerations a of the joints at speeds v become those of what spins in front of the gears, over their ratios. */
+static inline void hopopt_spins(const hopopt_ratios *r, const hopopt_real *v, hopopt_real *a) {
+    hopopt_real out[HOPOPT_JOINTS];
+    for (int j = 0; j < HOPOPT_JOINTS; j++) out[j] = r->slopes[j] * v[j] * v[j];
+    hopopt_add(out, HOPOPT_R(1.0), r->turns, HOPOPT_JOINTS, HOPOPT_JOINTS, a);
+    hopopt_add(out, HOPOPT_R(1.0), hopopt_housings, HOPOPT_JOINTS, HOPOPT_JOINTS, a);
+    memcpy(a, out, sizeof out);
+}
+
+/* Torques of the joints become those of the drives: by elimination, its rows in the order of their size. */
+static inline void hopopt_of_drives(const hopopt_ratios *r, hopopt_real *tau) {
+    const int n = HOPOPT_JOINTS;
+    hopopt_real M[HOPOPT_JOINTS][HOPOPT_JOINTS];
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) M[i][j] = r->turns[j * n + i];
+    for (int k = 0; k < n; k++) {
+        int best = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(M[i][k]) > fabs(M[best][k])) best = i;
+        for (int j = 0; j < n; j++) {
+            const hopopt_real kept = M[k][j];
+            M[k][j] = M[best][j], M[best][j] = kept;
+        }
+        const hopopt_real kept = tau[k];
+        tau[k] = tau[best], tau[best] = kept;
+        for (int i = k + 1; i < n; i++) {
+            const hopopt_real share = M[i][k] / M[k][k];
+            for (int j = k; j < n; j++) M[i][j] -= share * M[k][j];
+            tau[i] -= share * tau[k];
+        }
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int j = i + 1; j < n; j++) tau[i] -= M[i][j] * tau[j];
+        tau[i] /= M[i][i];
+    }
+}
+
+/* The same at measured joint angles q [rad], for what commands the motors. */
+static inline void hopopt_drive_torques(const hopopt_real *q, hopopt_real *tau) {
+    hopopt_ratios r;
+    hopopt_ratios_at(q, &r);
+    hopopt_of_drives(&r, tau);
+}
 #else
-static inline void hopopt_drive_speeds(hopopt_real *v) { (void)v; }
-static inline void hopopt_rotor_speeds(hopopt_real *v) { (void)v; }
-static inline void hopopt_drive_torques(hopopt_real *tau) { (void)tau; }
-static inline void hopopt_joint_torques(hopopt_real *tau) { (void)tau; }
+typedef struct {
+    char none;
+} hopopt_ratios;
+static inline void hopopt_ratios_at(const hopopt_real *q, hopopt_ratios *r) { (void)q, r->none = 0; }
+static inline void hopopt_drive_speeds(const hopopt_ratios *r, hopopt_real *v) { (void)r, (void)v; }
+static inline void hopopt_joint_torques(const hopopt_ratios *r, hopopt_real *tau) { (void)r, (void)tau; }
+static inline void hopopt_spins(const hopopt_ratios *r, const hopopt_real *v, hopopt_real *a) { (void)r, (void)v, (void)a; }
+static inline void hopopt_of_drives(const hopopt_ratios *r, hopopt_real *tau) { (void)r, (void)tau; }
+static inline void hopopt_drive_torques(const hopopt_real *q, hopopt_real *tau) { (void)q, (void)tau; }
 #endif
 
-/* What spins the rotors up over the next period (n) [N m]: it never passes the gears' teeth. */
-static inline void hopopt_spun(const hopopt_phase *p, hopopt_real since, hopopt_real *spun) {
+/* What spins the rotors up over the next period (n) [N m], at planned speeds v: it never passes the gears' teeth. */
+static inline void hopopt_spun(const hopopt_phase *p, hopopt_real since, const hopopt_ratios *r, const hopopt_real *v, hopopt_real *spun) {
     hopopt_real q[HOPOPT_JOINTS], now[HOPOPT_JOINTS], then[HOPOPT_JOINTS];
     hopopt_at(p, since, q, now);
     hopopt_at(p, since + HOPOPT_PERIOD, q, then);
     for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] = (then[j] - now[j]) / HOPOPT_PERIOD;
-    hopopt_rotor_speeds(spun);
+    hopopt_spins(r, v, spun);
     for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] *= hopopt_rotor[j];
 }
 
@@ -211,8 +288,8 @@ static inline void hopopt_let_go(const hopopt_tracker *s, hopopt_real t, hopopt_
         error[j] = s->q[j] + (t - s->t) * (s->v[j] + v[j] + error[n + j]) / 2 - q[j];
 }
 
-/* Joint torques tau [N m] to ask of the drives for the next period; hopopt_drive_torques makes of them those of coupled drives,
-   behind their gears.
+/* Joint torques tau [N m] to ask of the drives for the next period; hopopt_drive_torques makes of them those of drives that do not turn as
+   their joints do, behind their gears.
 
    t: since the first hop began [s]    q, v: measured joint angles [rad] and speeds [rad/s]; the filter uses q alone
    contact: whether the foot is on the ground        since: how long it has been on it, or off it [s]
@@ -223,6 +300,7 @@ static inline void hopopt_torque(hopopt_tracker *s, hopopt_real t, const hopopt_
     const int n = HOPOPT_JOINTS, m = HOPOPT_STATES;
     const hopopt_real stance = hopopt_duration(&hopopt_stance);
     hopopt_real planned_q[HOPOPT_JOINTS], planned_v[HOPOPT_JOINTS], planned_tau[HOPOPT_JOINTS], spun[HOPOPT_JOINTS];
+    hopopt_ratios ratios;
     contact = contact != 0;
     const int over = landings && !HOPOPT_REPEATS;
     if (contact && over) {
@@ -238,12 +316,13 @@ static inline void hopopt_torque(hopopt_tracker *s, hopopt_real t, const hopopt_
     if (contact && since > HOPOPT_ENDS) {
         hopopt_at(&hopopt_flight, HOPOPT_R(0.0), planned_q, planned_v);
         memcpy(s->given, hopopt_flight.begins, sizeof s->given);
-        hopopt_spun(&hopopt_flight, HOPOPT_R(0.0), spun);
+        hopopt_ratios_at(q, &ratios);
+        hopopt_spun(&hopopt_flight, HOPOPT_R(0.0), &ratios, planned_v, spun);
         memcpy(tau, s->given, sizeof s->given);
-        hopopt_drive_speeds(planned_v);
-        hopopt_drive_torques(tau);
+        hopopt_drive_speeds(&ratios, planned_v);
+        hopopt_of_drives(&ratios, tau);
         for (int j = 0; j < n; j++) tau[j] = hopopt_needed(j, planned_v[j], tau[j], spun[j]);
-        hopopt_joint_torques(tau);
+        hopopt_joint_torques(&ratios, tau);
         return;
     }
     const hopopt_phase *p = contact ? &hopopt_stance : &hopopt_flight;
@@ -263,21 +342,22 @@ static inline void hopopt_torque(hopopt_tracker *s, hopopt_real t, const hopopt_
     hopopt_add_at(error, HOPOPT_R(1.0), p, p->L, period, m, n, miss);
     for (int j = 0; j < n; j++) tau[j] = planned_tau[j];
     hopopt_add_at(tau, -HOPOPT_R(1.0), p, p->K, period, n, m, error);
-    hopopt_spun(p, since, spun);
+    hopopt_ratios_at(planned_q, &ratios);
+    hopopt_spun(p, since, &ratios, planned_v, spun);
     hopopt_real speeds[HOPOPT_JOINTS];
     for (int j = 0; j < n; j++) {
         s->q[j] = planned_q[j] + error[j];
         speeds[j] = s->v[j] = planned_v[j] + error[n + j];
     }
-    hopopt_drive_speeds(speeds);
-    hopopt_drive_speeds(planned_v);
-    hopopt_drive_torques(tau);
+    hopopt_drive_speeds(&ratios, speeds);
+    hopopt_drive_speeds(&ratios, planned_v);
+    hopopt_of_drives(&ratios, tau);
     for (int j = 0; j < n; j++) {
         tau[j] = hopopt_clamp(j, speeds[j], hopopt_needed(j, planned_v[j], tau[j], spun[j]));
         s->given[j] = hopopt_passed(j, planned_v[j], tau[j], spun[j]);
     }
-    hopopt_joint_torques(tau);
-    hopopt_joint_torques(s->given);
+    hopopt_joint_torques(&ratios, tau);
+    hopopt_joint_torques(&ratios, s->given);
     for (int j = 0; j < n; j++) s->extra[j] = s->given[j] - planned_tau[j];
     memcpy(s->error, error, sizeof error);
     s->t = t;

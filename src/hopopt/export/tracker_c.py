@@ -20,6 +20,7 @@ from hopopt.control.tracking.track import EARLY_LIFT_OFF, Track
 from hopopt.design import refuse_landed
 from hopopt.drivetrain.drives import LAW
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
+from hopopt.drivetrain.transmission import cubics, numbers
 from hopopt.errors import UsageError
 from hopopt.export.plan import tracker_of
 from hopopt.planner.reserve import TrackedPlan
@@ -141,9 +142,9 @@ class Tables:
         """Raises UsageError for gears whose law the C code does not have."""
         tracker = self.tracker
         turning = tracker.drive.turning
-        if turning and not turning.leg.constant_ratios:
+        if turning and turning.leg.five_bars:
             raise UsageError(
-                "the tracker in C knows couplings, and no ratio that changes with the angle: leave out such laws and five-bars"
+                "the tracker in C knows belts and ratios by a joint's own angle, and no five-bars: leave those out"
             )
         if tracker.drive.gear.tabled:
             raise UsageError(
@@ -176,9 +177,13 @@ class Tables:
         shared |= {name: tracker.drive.numbers[name] for name in LAW} | {"rotor": tracker.drive.rotor}
         shared["power"] = np.minimum(tracker.drive.numbers["power"], UNBOUNDED)
         if turning:
-            turns = turning.jacobian(tracker.rest)  # constant: of couplings alone
-            shared |= {"turns": turns, "asks": np.linalg.inv(turns.T), "gives": turns.T}
-            shared |= {"spins": turning.spin(tracker.rest)}
+            laws = [cubics(turning.leg, joint, turning.p) for joint in turning.leg.joints]
+            begins = np.cumsum([0, *(len(angle) for angle, _, _ in laws)])
+            lines.append(f"static const unsigned short hopopt_law[] = {{{', '.join(map(str, begins))}}};")
+            parts = ("angle", "ratio", "slope"), map(np.concatenate, zip(*laws, strict=True))
+            shared |= {f"law_{name}": values for name, values in zip(*parts, strict=True)}
+            coupling = numbers(turning.leg, turning.p)["coupling"]
+            shared |= {"coupling": coupling, "housings": turning.housings}
         lines += [_array(name, values) for name, values in shared.items()]
         for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
             joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()
