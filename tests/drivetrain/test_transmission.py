@@ -13,6 +13,7 @@ from hopopt.compiled.kernel import packed
 from hopopt.control.closed_loop import make_plant
 from hopopt.control.setting import Setting
 from hopopt.design import Leg, physical_parameters
+from hopopt.drivetrain.gear import gears_of, joint_torque
 from hopopt.drivetrain.kernels import own_ratio
 from hopopt.drivetrain.transmission import drive_angle, drive_angles, numbers, ratios, spline_slopes
 from hopopt.errors import ProblemFileError
@@ -304,6 +305,35 @@ def test_the_compiled_plant_moves_a_leg_with_lossy_gears_as_pinocchio_does(conta
     a, b = (p.step(s, lambda t, q, v: command, 1e-4) for p in (compiled, plant))
     assert np.r_[a.q, a.v] == pytest.approx(np.r_[b.q, b.v], rel=1e-7, abs=1e-7)
     assert a.work == pytest.approx(b.work, rel=1e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize("overrides", [ON_THIGH, ON_BOTH])
+def test_gears_take_their_share_of_what_a_rotor_on_a_link_leaves(overrides: dict[str, Any]) -> None:
+    """By d'Alembert in flight: teeth have what the motor gives less A s', and the links what the teeth give less D' A s'."""
+    design = load("paper", overrides | {"leg.gear.efficiency": 0.8, "leg.gear.friction": 1.0})
+    robot = build_robot(design.leg)
+    gears, rotors, turning = gears_of(design.leg, robot.parameters), robot.rotors, robot.turning
+    assert turning is not None
+    plant = make_plant(design)
+    q, v = np.array([0.0, 0.9, 0.3, -1.1]), np.array([0.2, 0.5, -2.0, 4.0])
+    J, ratios = (
+        turning.jacobian(q[BASE:]),
+        [robot.parameters[robot.leg.drive(j, "gear", "ratio")[0]] for j in robot.joints],
+    )
+    motor, tau, _ = plant.torques(State(q, v, contact=False, foot=0.0), J.T @ np.array([25.0, -60.0]))
+    a = Machine(robot).acceleration(q, v, tau, False)
+    turns = np.tril(np.ones((2, 2)))  # of a link by the joints, both about one axis
+    on = {"body": np.zeros(2), "thigh": turns[0], "shank": turns[1]}
+    places = [
+        (between and between.motor_on) or "body" for between in (robot.leg.joint[j].transmission for j in robot.joints)
+    ]
+    D = np.array([on[place] / ratio for place, ratio in zip(places, ratios, strict=True)])
+    spun = rotors * ((J + D) @ a[BASE:] + turning.drift(q[BASE:], v[BASE:]))
+    given = joint_torque(gears, motor - spun, J @ v[BASE:], 0.0, 0.0)
+    bare = robot.model.copy()
+    bare.armature = np.zeros(bare.nv)
+    needed = pin.rnea(bare, bare.createData(), q, v, a)
+    assert needed == pytest.approx(np.r_[0.0, 0.0, J.T @ given - D.T @ spun], rel=1e-7, abs=1e-6)
 
 
 @pytest.mark.parametrize(
