@@ -95,6 +95,13 @@ def test_neighbours_that_turn_beside_each_other_are_measured_and_nothing_is_prom
     design = load(tmp_path / "ball.toml")
     near = collision(design, plan.tables)
     assert near is not None
+    rods = f"{(tmp_path / 'ball.toml').read_text()}[leg.knee.transmission.four_bar]\n"
+    (tmp_path / "rods.toml").write_text(
+        rods + "ground = 0.38\ncrank = 0.05\nrod = 0.38\narm = 0.05\nstretched = -2.8\n"
+    )
+    moved = collision(load(tmp_path / "rods.toml"), plan.tables)
+    assert moved is not None
+    assert nearest_lines(moved)[0].endswith("; not looked at, as without solids: crank and rod of the knee")
     assert near.between == ("thigh", "plate")
     assert near.least_distance_m == pytest.approx(0.001, abs=1e-6)
     assert near.margin_m is None

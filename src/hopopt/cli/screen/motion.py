@@ -63,7 +63,8 @@ def nearest_lines(c: Collision | None) -> list[str]:
         most = f": up to {1000 * (c.margin_m + 2 * c.error_m):.2g} mm may be" if c.error_m > c.margin_m else ""
         gap += f" ({1000 * c.margin_m:.1f} mm are kept, by a distance that errs by less than {1000 * c.error_m:.2g} mm{most})"
     beside = f" (not counted, as they touch at their joint: {', '.join(c.left_out)})" if c.left_out else ""
-    return [f"nearest: {one} passes {other} {gap}, at {c.time_s:.3f} s{beside}"]
+    unseen = f"; not looked at, as without solids: {', '.join(c.without_solids)}" if c.without_solids else ""
+    return [f"nearest: {one} passes {other} {gap}, at {c.time_s:.3f} s{beside}{unseen}"]
 
 
 def drive_lines(s: Summary, legs: float) -> list[str]:

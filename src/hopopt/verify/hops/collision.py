@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.design import Design
+from hopopt.design import Design, Leg
 from hopopt.leg.geometry.distance import Distances, distances_of
 from hopopt.leg.geometry.smooth import Clearances, clearances, kept, margin_of
 from hopopt.leg.geometry.solids import has_shape
@@ -37,6 +37,7 @@ class Collision(Strict):
     )
     error_m: float | None = if_any("by how much the smooth distance may err that the plan keeps it by [m]")
     left_out: tuple[str, ...] = if_any("neighbours at a joint that touch where the hop starts", default=())
+    without_solids: tuple[str, ...] = if_any("cranks and rods, which have no solids and are not looked at", default=())
 
 
 LAST = 8  # measurements that are kept
@@ -65,7 +66,20 @@ def collision(design: Design, tables: Mapping[str, Table]) -> Collision | None:
     return Collision(
         near.distance, near.named(found), near.time, margin_m=promised and promised[0], error_m=promised and promised[1],
         left_out=tuple(" and ".join(found.names(pair)) for pair in found.left_out),
+        without_solids=_without_solids(design.leg),
     )  # fmt: skip
+
+
+def _without_solids(leg: Leg) -> tuple[str, ...]:
+    """The parts of transmissions that move beside the links, in words."""
+    parts = {"rod": "rod", "four_bar": "crank and rod", "five_bar": "crank and rod"}
+    between = {joint: leg.joint[joint].transmission for joint in leg.joints}
+    return tuple(
+        f"{words} of the {joint}"
+        for joint, t in between.items()
+        for law, words in parts.items()
+        if t and getattr(t, law)
+    )
 
 
 def _promised(
