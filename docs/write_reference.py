@@ -15,6 +15,7 @@ from typing import Any
 import hopopt as ho
 from hopopt.control.setting import Setting
 from hopopt.ocp.custom import Moment, Rates
+from hopopt.planner.checks.smooth_plan import SmoothPlan
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.motion import Samples
 from hopopt.robot_data.identification import Identification
@@ -35,7 +36,7 @@ PAGES: dict[str, tuple[str, str, tuple[Any, ...]]] = {  # file -> title, first s
     "kept": ("Functions: what is kept", "Results written, read and verified.", (ho.save, ho.read, ho.verify)),
     "live": ("A live page", "A page on which numbers are dragged.", (ho.explore, ho.LivePage)),
     "hop": ("Classes: a hop", "What `ho.solve` returns.", (ho.Solution, Samples)),
-    "checks": ("Classes: what is said of a hop", "Sensitivities and checks.", (Influence, ho.Verification, Verdict, Check)),
+    "checks": ("Classes: what is said of a hop", "Sensitivities, checks and smooth plans.", (Influence, ho.Verification, Verdict, Check, SmoothPlan)),
     "moment": ("Classes: problems and functions of your own", "What your own functions and controllers are given.", (
         ho.Design, Moment, Rates, Setting, Measurement,
     )),

@@ -213,7 +213,12 @@ def test_a_smooth_plan_is_as_good_and_its_torques_vary_less(
     saved = save(_slow(hop), tmp_path / "results")
     folder, made = str(saved.result_dir), list[SmoothPlan]()
     monkeypatch.setattr(export, "smooth_plan", lambda solution: made.append(smooth_plan(solution)) or made[-1])
-    assert cli.run(["export", folder, "--format", "json", "--smooth", "-o", "smooth.json", "--json"]) == 0
+    assert (
+        cli.run(
+            ["export", folder, "--format", "json", "--smooth", "-o", "smooth.json", "--json", "--figure", "torques.svg"]
+        )
+        == 0
+    )
     printed, found = capsys.readouterr(), made[0]
     before, after = found.variation
     assert after.sum() < before.sum()
@@ -236,6 +241,8 @@ def test_a_smooth_plan_is_as_good_and_its_torques_vary_less(
         "hop": pytest.approx(before[1]), "plan": pytest.approx(after[1]), "unit": "N m",
     }  # fmt: skip
     assert all(check["passed"] for check in said["verification"])
+    drawn = (tmp_path / "torques.svg").read_text(encoding="utf-8")
+    assert all(f"<!-- {words} -->" in drawn for words in ("hip", "knee", "hop", "smooth plan"))
     written = json.loads((tmp_path / "smooth.json").read_text())
     assert written["clearance_m"] == found.claims["clearance_m"]
     torques = found.motion.sample(written["columns"]["t"]).command[:, 1]
@@ -246,6 +253,9 @@ def test_a_smooth_plan_is_as_good_and_its_torques_vary_less(
 def test_smooth_is_for_a_solved_hop_in_a_form(capsys: pytest.CaptureFixture) -> None:
     assert cli.run(["export", "paper", "--urdf", "leg.urdf", "--smooth"]) == 2
     assert "--smooth is for a planned hop: say in which form" in capsys.readouterr().err
+    for wrong in (["--figure", "t.svg"], ["--smooth", "--figure", "t.gif"]):
+        assert cli.run(["export", "paper", "--format", "csv", *wrong]) == 2
+        assert "it is of a smooth plan: say --smooth, and name a file .svg, .png, .pdf" in capsys.readouterr().err
 
 
 def test_no_smooth_plan_is_made_of_a_hop_that_was_changed_or_lacks_what_it_needs(
@@ -268,4 +278,7 @@ def test_no_smooth_plan_is_made_of_a_hop_that_was_changed_or_lacks_what_it_needs
         assert "was changed" in told
     with pytest.raises(ResultError, match="holds no multipliers: solve it again"):
         smooth_plan(replace(hop, kkt={}))
+    in_python = ho.Solution.with_methods(replace(hop, doubts=("a file was changed",)))
+    with pytest.raises(ResultError, match="a smooth plan is made of a verified hop"):
+        in_python.smooth()
     assert not (tmp_path / "smooth.csv").exists()

@@ -39,6 +39,7 @@ EXPORTS = {  # suffix of the file, and what makes its text
     Format.C: ("h", tracker_c.to_c),
 }
 
+FIGURES = (".svg", ".png", ".pdf")  # endings of a figure's file
 NOT_VERIFIED = "{}: the plan is not verified, and only verified plans are exported: hopopt verify says why"
 
 
@@ -48,6 +49,7 @@ def export(
     format_: Annotated[Format | None, Parameter(name="--format")] = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     smooth: bool = False,
+    figure: Path | None = None,
     set_: Overrides = None,
     urdf: Path | None = None,
     mjcf: Path | None = None,
@@ -71,6 +73,8 @@ def export(
     smooth
         Write a plan whose torques vary less, and which is as good within 0.01 mm. Where the height hardly depends on a torque,
         the best hop's may have saw teeth. It is verified as the hop is, which takes some seconds. --json says what it brought.
+    figure
+        With --smooth: also draw the torques of the hop and of the smooth plan, into this file (torques.svg, or png or pdf).
     urdf
         The URDF file to write, and beside it a problem file (leg.problem.toml) with what a URDF leaves out.
     mjcf
@@ -84,6 +88,10 @@ def export(
         raise UsageError(
             "--smooth is for a planned hop: say in which form it is written: --format csv, json, ros2 or c"
         )
+    if figure is not None and (not smooth or figure.suffix not in FIGURES):
+        raise UsageError(
+            f"--figure {figure}: it is of a smooth plan: say --smooth, and name a file {', '.join(FIGURES)}"
+        )
     if format_ is None and urdf is None and mjcf is None:
         raise UsageError(
             "say what to write: --format csv, json, ros2 or c for a planned hop; --urdf leg.urdf or --mjcf leg.xml for "
@@ -95,20 +103,30 @@ def export(
     if format_ is not None:
         if set_:
             raise UsageError("--set changes an entry of a problem: a planned hop is exported as it was solved")
-        suffix, write = EXPORTS[format_]
-        made.append(output or Path(f"{Path(what).resolve().name}.{suffix}"))
-        check_new(made[-1])
-        if smooth:
-            found = _smooth_plan(Path(what))
-            tracked, stated = _tracked(found), {"smooth": found.as_dict()}
-        else:
-            tracked = _verified_plan(Path(what))
-        write_new(made[-1], write(tracked))
+        made, stated = _plan_files(Path(what), format_, output, smooth, figure)
     if urdf is not None or mjcf is not None:
         file = Path(what) / "problem.toml"
         design = load(str(file) if file.is_file() else what, set_ or ())
         made += _leg_files(design, urdf, mjcf, dc_motors)
     return written(made, json_, more=stated)
+
+
+def _plan_files(
+    folder: Path, form: Format, output: Path | None, smooth: bool, figure: Path | None
+) -> tuple[list[Path], dict[str, Any]]:
+    """The files of a plan, and what is stated of a smooth one."""
+    suffix, write = EXPORTS[form]
+    made, stated = [output or Path(f"{folder.resolve().name}.{suffix}")], dict[str, Any]()
+    for file in (*made, *([figure] if figure else [])):
+        check_new(file)
+    if smooth:
+        solution, found = _smooth_plan(folder)
+        plan, stated = _tracked(found), {"smooth": found.as_dict()}
+        made += [_drawn(figure, solution, found)] if figure else []
+    else:
+        plan = _verified_plan(folder)
+    write_new(made[0], write(plan))
+    return made, stated
 
 
 def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None, dc_motors: bool) -> list[Path]:
@@ -143,8 +161,8 @@ def _verified_plan(folder: Path) -> TrackedPlan:
     return found
 
 
-def _smooth_plan(folder: Path) -> SmoothPlan:
-    """A plan as good as a stored hop, with torques that vary less; ResultError if the hop is not verified, or no solved one."""
+def _smooth_plan(folder: Path) -> tuple[Solution, SmoothPlan]:
+    """A stored hop, and a plan as good with torques that vary less; ResultError if the hop is not verified, or no solved one."""
     if (folder / f"{ROBUST}.json").is_file():
         raise ResultError(
             f"{folder}: --smooth is for a solved hop: a robust plan's torques are smooth enough to be tracked"
@@ -163,7 +181,17 @@ def _smooth_plan(folder: Path) -> SmoothPlan:
         f"smooth: torques vary less: {', '.join(varies)}; {solution.objective} {found.value:.7g} in place of {was:.7g} "
         f"{found.unit}; limited by {found.limited}; all {len(found.checks)} checks passed"
     )
-    return found
+    return solution, found
+
+
+def _drawn(file: Path, solution: Solution, plan: SmoothPlan) -> Path:
+    """The file with the torques of both, drawn."""
+    from hopopt.plots.hop import save_figure
+    from hopopt.plots.smooth_plan import torques
+
+    file.parent.mkdir(parents=True, exist_ok=True)
+    (written_file,) = save_figure(torques(solution, plan), file.with_suffix(""), [file.suffix[1:]])
+    return written_file
 
 
 def _tracked(found: SmoothPlan) -> TrackedPlan:
