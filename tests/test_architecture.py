@@ -80,6 +80,7 @@ LATE = {  # where hopopt is imported inside functions: what it costs (python -X 
     "cli/answer/show.py": "a problem needs nothing of what a stored answer is made of: 0.4 s",
     "cli/answer/solve.py": "what is drawn, simulated or reported when the answer is there, and co-design: 1 s together",
     "cli/main.py": "the words of an OSError, and modules of a user's own, need numpy and pydantic (0.3 s); hopopt --help needs neither",
+    "cli/share/export.py": "a figure needs matplotlib (0.4 s), and most plans are written without",
     "comparison/compare.py": "tuning needs joblib (0.07 s)",
     "compiled/kernel.py": "the compiler, numba, takes 0.3 s, and most commands compile nothing",
     "global_search/search.py": "the compiler of its loops takes 0.2 s",
