@@ -166,9 +166,10 @@ def test_a_rung_whose_optimum_is_not_found_is_named(
     monkeypatch.setattr(losses, "_bound", never)
     found, missing = beyond_the_bound(comparison, "force_tuck", lambda text: None)
     assert (found, missing) == ((), "gears that pass on all torque")
-    lifted = Lifted("links that may collide", 0.6, 0.0, 0.75, 0.05, False)
+    lifted = Lifted("links that may collide", 0.6, 0.0, 0.75, 0.05, False, ("the foot slips 2 mm in stance",))
     shown = Ladder("force_tuck", 0.58, (), (), (), (lifted,), missing).as_dict()
-    *_, gap, last = map(str, ladder_lines(shown))
+    *_, slips, gap, last = map(str, ladder_lines(shown))
+    assert slips.endswith("with links that may collide does not keep every limit: the foot slips 2 mm in stance")
     assert gap.endswith("without these the gap is 15.0 cm, to a bound that is not verified")
     assert f"no optimum was found with {missing}" in last
 

@@ -32,6 +32,7 @@ class Lifted:
     strategy_m: clearance of the PD strategy without it [m]; strategy_gains_m: by how much that is higher [m]
     bound_m: clearance of the optimum without it [m]; bound_gains_m: by how much that is higher [m]
     verified: whether that optimum is
+    limits_exceeded: limits that the strategy does not keep without it, or why it does not hop, in words
     """
 
     lifts: str
@@ -40,6 +41,7 @@ class Lifted:
     bound_m: float
     bound_gains_m: float
     verified: bool
+    limits_exceeded: tuple[str, ...] = ()
 
 
 def lifted_in_turn(design: Design) -> Iterator[tuple[str, Design]]:
@@ -80,15 +82,16 @@ def beyond_the_bound(comparison: Comparison, name: str, say: Callable[[str], Non
     pd, bound, found = comparison.runs[name].figures.clearance, comparison.solution, list[Lifted]()
     for words, design in lifted_in_turn(bound.design):
         say(f"ladder: the optimum and PD control with {words}")
-        reached = simulate(design, comparison.runs[name].strategy).figures.clearance
+        run = simulate(design, comparison.runs[name].strategy).figures
         try:
             best = _bound(design, bound, say)
         except NotSolvedError as error:  # all else of the ladder is there
             say(f"ladder: no optimum with {words}: {error}")
             return tuple(found), words
-        gains = reached - pd, best.clearance - bound.clearance
-        found.append(Lifted(words, reached, gains[0], best.clearance, gains[1], best.verified))
-        pd, bound = reached, best
+        gains, faults = (run.clearance - pd, best.clearance - bound.clearance), (run.no_hop, *run.limits_exceeded)
+        exceeded = tuple(filter(None, faults))
+        found.append(Lifted(words, run.clearance, gains[0], best.clearance, gains[1], best.verified, exceeded))
+        pd, bound = run.clearance, best
     return tuple(found), ""
 
 

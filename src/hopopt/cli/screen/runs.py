@@ -210,6 +210,9 @@ def _beyond(start: Mapping[str, Any], beyond: Sequence[Mapping[str, Any]]) -> It
         rows.append([lifted["lifts"], *bound, f"{lifted['strategy_m']:.3f}", cm(lifted["strategy_gains_m"]), doubt])
     heads = ("bound\nm", "gain\ncm", f"{name}\nm", "gain\ncm", "")
     yield table([named("beyond the bound"), *figures(*heads)], rows, between=(0, 1))
+    for lifted in beyond:
+        if lifted.get("limits_exceeded"):
+            yield f"{name} with {lifted['lifts']} does not keep every limit: {', '.join(lifted['limits_exceeded'])}"
     gap = beyond[-1]["bound_m"] - beyond[-1]["strategy_m"]
     doubt = "" if beyond[-1]["verified"] else ", to a bound that is not verified"
     yield f"what holds down both, each lifted with those above it; without these the gap is {100 * gap:.1f} cm{doubt}"
