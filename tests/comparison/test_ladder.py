@@ -1,6 +1,7 @@
 """Why PD is lower, freedom by freedom: what is withheld, and rungs that add up."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,12 +19,13 @@ from hopopt.comparison.losses import Lifted, beyond_the_bound, lifted_in_turn
 from hopopt.control.strategies import find
 from hopopt.design import physical_parameters
 from hopopt.drivetrain.gear import gears_of
-from hopopt.errors import NotSolvedError
+from hopopt.errors import NotSolvedError, UsageError
 from hopopt.ocp.custom import Moment
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.plots.controllers.ladder import staircase
 from hopopt.problem.load import load
+from hopopt.problem.own import named_apart
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.storage.solution import save
 from once import plan_with_reserve, simulated_once
@@ -52,6 +54,15 @@ def test_the_simulated_hop_keeps_all_that_is_withheld(pd: HopFigures) -> None:
             at = {name: ca.DM(p[k]) for name, p in points.items()}
             value = float(ca.DM(limit.function(Moment(0.0, "stance", None, None, at, None))))
             assert limit.terms.lower <= value <= limit.terms.upper
+
+
+def test_what_a_rung_withholds_is_told_apart(pd: HopFigures) -> None:
+    """Two constraints that differ by their names alone were once refused as one."""
+    own = [c for freedom in withheld(pd) for c in freedom.constraints]
+    assert len(own) == 2
+    assert named_apart(pd.design, own) == (pd.design, own)
+    with pytest.raises(UsageError, match="two different constraints are called ladder:plumb line"):
+        named_apart(pd.design, [own[0], replace(own[0], function=own[1].function)])
 
 
 @pytest.mark.rarely

@@ -26,7 +26,9 @@ def name_of(given: Any) -> str:
 
 
 def _called(given: Any) -> str:
-    """What Python calls a function, as module:function."""
+    """What a function is called, as module:function: by itself, if it has a name of that kind, else by Python."""
+    if isinstance(own := getattr(given, "name", None), str) and ":" in own:
+        return own
     return f"{getattr(given, '__module__', '?')}:{getattr(given, '__qualname__', type(given).__name__)}"
 
 
