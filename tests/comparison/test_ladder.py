@@ -109,7 +109,7 @@ def test_the_staircase_is_drawn(tmp_path: Path) -> None:
     (ax,) = figure.axes
     named = ["force, simulated", CONTROL, "more grip", "drives without friction"]
     assert [label.get_text() for label in ax.get_yticklabels()] == named
-    assert any("+5.0 cm; force +3.0 cm" in text.get_text() for text in ax.texts)
+    assert any("bound +5.0 cm, force +3.0 cm" in text.get_text() for text in ax.texts)
     assert any("not verified" in text.get_text() for text in ax.texts)
 
 

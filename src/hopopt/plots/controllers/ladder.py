@@ -39,7 +39,9 @@ def staircase(found: Ladder, title: str) -> Figure:
     above = end
     for row, lifted in enumerate(found.beyond, start=1 + len(found.rungs)):
         ax.barh(row, CM * lifted.bound_gains_m, 0.7, left=CM * above, color=PALE)
-        words = f"  {CM * lifted.bound_gains_m:+.1f} cm; {found.strategy} {CM * lifted.strategy_gains_m:+.1f} cm"
+        gains = [f"{round(CM * x, 1) or 0:+.1f}" for x in (lifted.bound_gains_m, lifted.strategy_gains_m)]
+        doubt = "" if lifted.verified else ", not verified"
+        words = f"  bound {gains[0]} cm{doubt}, {found.strategy} {gains[1]} cm"
         ax.text(CM * max(above, lifted.bound_m), row, words, fontsize=SMALL, va="center")
         names.append(lifted.lifts)
         above, high = lifted.bound_m, max(high, CM * lifted.bound_m)
@@ -47,7 +49,8 @@ def staircase(found: Ladder, title: str) -> Figure:
     ax.axvline(CM * end, color=BLACK, lw=1.2)
     ax.text(CM * end, -0.62, f"bound {CM * end:.1f} cm ", fontsize=TEXT, ha="right", va="center")
     ax.set_yticks(range(rows), names, fontsize=TEXT)
-    ax.set(xlim=(low - room, high + (4 if found.beyond else 2) * room), ylim=(rows - 0.5, -1.0))
-    describe(ax, "clearance [cm]; black: the same gain in other orders", "")
+    ax.set(xlim=(low - room, high + (6 if found.beyond else 2) * room), ylim=(rows - 0.5, -1.0))
+    grey = "; right of the bound: lifted for both" if found.beyond else ""
+    describe(ax, f"clearance [cm]; black: the same gain in other orders{grey}", "")
     ax.grid(False, axis="y")
     return figure
