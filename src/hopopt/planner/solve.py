@@ -46,6 +46,7 @@ from hopopt.planner.search.multistart import (
     solution_of,
     solved_from,
 )
+from hopopt.planner.search.neighbours.obstacle_place import below_the_middle
 from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.search.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution, stored_nlp
@@ -109,6 +110,7 @@ def _found(
     """The best hop that is found in the time that is left, with its problem, and what its summary says of the search."""
     count = starts or hop.design.solver.starts
     economical = from_highest(hop, count, say, until=until)
+    economical += below_the_middle(hop, count, until)
     economical += [] if guess is None else [from_motion(hop, guess, GUESS, until)]
     searched = search_first_mesh(hop, count, processes, say, economical, until)
     outcomes = searched.outcomes

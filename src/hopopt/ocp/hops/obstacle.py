@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.design.fields import TRUNK
 from hopopt.leg.geometry.outlines import Outline, outlines
 from hopopt.leg.geometry.solids import BODY
 from hopopt.leg.limit_id import Kind, LimitId
@@ -26,6 +27,7 @@ from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, Parameter
 
 BOX_HEIGHT, BOX_AT = "obstacle", "obstacle at"  # height and near side of the box [m]
 OBSTACLE_STEP = "obstacle step"  # how far ahead the foot lands [m]
+BELOW_APEX = "obstacle below the apex"
 BOX_WIDTH = "hop.obstacle.width"
 CORNER_ROUNDING = 2e-3  # of the leg's length
 Box = tuple[Any, Any, Any]  # near side, width and height [m]
@@ -157,8 +159,17 @@ def _beyond(leg: MovingLeg) -> tuple[BoundaryConstraint, ...]:
         beyond,
         linkage("obstacle behind", lambda e: foot(e) - e.p[OBSTACLE_STEP], length(leg), unit="m"),
         linkage("apex", lambda e: e.final[FLIGHT].com_v[-1], body_speed(leg), unit="m/s"),
-        linkage("obstacle below the apex", lambda e: e.p[BOX_AT] + e.p[BOX_WIDTH] / 2 - body(e), length(leg), unit="m"),
+        BoundaryConstraint(
+            BELOW_APEX, lambda e: e.p[BOX_AT] + e.p[BOX_WIDTH] / 2 - body(e), *_below(leg), length(leg), "m"
+        ),
     )
+
+
+def _below(leg: MovingLeg) -> tuple[float, float]:
+    """From where to where the middle of the box may stand below the body at the apex [m]: between the ends of a trunk, else
+    below the first joint."""
+    trunk = outlines(leg.leg).get(TRUNK)
+    return (0.0, 0.0) if trunk is None else (float(trunk.corners[:, 0].min()), float(trunk.corners[:, 0].max()))
 
 
 def _no_width(design: Design) -> str | None:
