@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 from hopopt.comparison.robust.robustness import drawn
 from hopopt.control.setting import gear_of
-from hopopt.design import Uncertainty
+from hopopt.design import Uncertainty, physical_parameters
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.gear import Gear, gears_of, lossy
+from hopopt.drivetrain.gear import Gear, gears_of, lossless_entries, lossy
 from hopopt.drivetrain.teeth.law import teeth_torque
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import BASE, build_robot
@@ -121,6 +121,23 @@ def test_a_level_table_is_the_one_number() -> None:
         table, number = gear_with(FLAT, joint), gear_with(NUMBER, joint)
         for w in (-5.0, 0.0, 3.0, 12.0):
             np.testing.assert_allclose(table.law(w), number.law(w), rtol=1e-14)
+
+
+def test_a_scale_of_its_losses_takes_them_away_in_planner_and_plant() -> None:
+    """None at 0, as of the start without losses; in the planner's symbols too, where one program has every scale."""
+    scale = "leg.gear.efficiency_table.loss_scale"
+    leg = load("paper", LOADED).leg
+    p = {path: ca.SX.sym(path) for path in build_robot(leg).parameters}
+    f = ca.Function("f", list(p.values()), [ca.SX(Gear.of(leg, "hip", p).needed(60.0, 2.5))])
+    needed = []
+    for share in (0.0, 0.5, 1.0):
+        scaled = load("paper", LOADED | {scale: share}).leg
+        own = build_robot(scaled).parameters
+        needed.append(gears_of(scaled, own).needed(60.0, 2.5)[0])
+        assert float(f(*own.values())) == pytest.approx(needed[-1], rel=1e-13)
+    assert needed[0] == 60.0
+    assert needed[0] < needed[1] < needed[2]
+    assert lossless_entries(physical_parameters(leg)) == {scale: 0.0}
 
 
 def test_a_joint_s_own_number_or_table_counts_over_the_leg_s() -> None:

@@ -211,6 +211,15 @@ def test_any_name_makes_a_file_that_can_be_read(kind: str, joints: Any, links: A
         assert [model.joint(k).name for k in range(model.njnt)] == ["x", "z", *joints]
 
 
+def test_a_comment_says_that_gears_lose_nothing_in_mujoco_where_they_do_in_the_problem() -> None:
+    table = {"speed": (100.0, 400.0), "efficiency": (0.8, 0.6)}
+    said = [
+        "no efficiency, and no table" in to_mjcf(build_robot(load("paper", entries).leg)).partition("-->")[0]
+        for entries in ({}, {"leg.gear.efficiency": 0.8}, {"leg.gear.efficiency_table": table})
+    ]
+    assert said == [False, True, True]
+
+
 @pytest.mark.parametrize("kind", READERS)
 def test_a_comment_on_top_says_what_made_it_and_its_units(kind: str) -> None:
     lines = READERS[kind](build_robot(load("paper").leg)).splitlines()

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from hopopt.comparison.compare import Comparison
 from hopopt.control.closed_loop import simulate
 from hopopt.design import Design, physical_parameters
-from hopopt.drivetrain.gear import ENTRIES, LOSSLESS, NO_LOAD, TABLE, efficiency_table, lossless_entries
+from hopopt.drivetrain.gear import ENTRIES, LOSSLESS, NO_LOAD, SCALE, lossless_entries
 from hopopt.drivetrain.motor import own_voltage
 from hopopt.errors import NotSolvedError
 from hopopt.leg.geometry.smooth import clearances
@@ -21,7 +21,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.problem.load import changed
 
-TEETH, RUBBING = ("efficiency",), ("friction", "damping", NO_LOAD)  # entries of drives, by what takes the torque
+TEETH, RUBBING = ("efficiency", SCALE), ("friction", "damping", NO_LOAD)  # entries of drives, by what takes the torque
 
 
 @dataclass(frozen=True)
@@ -65,15 +65,7 @@ def _lossless(design: Design, names: tuple[str, ...]) -> Design:
     found = {path: value for path, value in own.items() if path.rpartition(".")[2] in names}
     machine = ((f"gear_{name}", value) for name, value in zip(ENTRIES, LOSSLESS, strict=True) if name in names)
     rubs = {f"simulation.{name}": value for name, value in machine if getattr(design.simulation, name) != value}
-    kept = changed(design, found | rubs) if found or rubs else design
-    leg = kept.leg
-    if not set(names) & set(TEETH) or all(efficiency_table(leg, joint) is None for joint in leg.joints):
-        return kept
-    data = kept.model_dump(exclude_none=True)
-    for part in (data["leg"], *(data["leg"][joint] for joint in leg.joints)):
-        if (gear := part.get("gear", {})).pop(TABLE, None) is not None:
-            gear["efficiency"] = 1.0  # where a table stood, no number did
-    return Design.model_validate(data)
+    return changed(design, found | rubs) if found or rubs else design
 
 
 def beyond_the_bound(comparison: Comparison, name: str, say: Callable[[str], None]) -> tuple[tuple[Lifted, ...], str]:

@@ -31,7 +31,11 @@ LOSSLESS = (1.0, 0.0, 0.0)
 MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative
 PIECE = 5  # numbers of a piece of the curve that a torque makes of an efficiency
 NO_LOAD = "no_load_current"
-TABLE = "efficiency_table"
+TABLE, SCALE = "efficiency_table", "loss_scale"
+NOTHING_LOST = {f"gear.{name}": value for name, value in zip(ENTRIES, LOSSLESS, strict=True)} | {
+    f"{TABLE}.{SCALE}": 0.0,
+    f"motor.{NO_LOAD}": 0.0,
+}  # entries by the ends of their paths, with which gears and motors' bearings lose nothing
 
 
 @dataclass(frozen=True)
@@ -60,8 +64,7 @@ class Gear:
     @property
     def ideal(self) -> bool:
         """Whether nothing is lost."""
-        bent = any(map(np.any, (*self.bends, *self.factor)))
-        lost = np.any(self.friction) or np.any(self.damping) or bent
+        lost = np.any(self.friction) or np.any(self.damping) or self.tabled
         return bool(np.all(self.efficiency == 1.0) and not lost)
 
     @property
@@ -77,8 +80,8 @@ class Gear:
 
     @property
     def tabled(self) -> bool:
-        """Whether its efficiency is no one number."""
-        return bool(self.knots)
+        """Whether its efficiency is no one number; of numbers alone."""
+        return any(map(np.any, (*self.bends, *(power for piece in self.factor for power in piece[2:]))))
 
     @property
     def level(self) -> "Gear":
@@ -125,7 +128,7 @@ class Gear:
         ratio, (torque, speed) = entry("gear", "ratio"), motor_torque_and_speed(leg, joint, p)
         own["friction"] += motor_friction(leg, joint, p)
         if (table := efficiency_table(leg, joint)) is not None:
-            own |= _tabled(table, ratio)
+            own |= _tabled(table, ratio, p[f"{leg.drive(joint, 'gear', TABLE)[0]}.{SCALE}"])
         slow, sharp = SLOW * speed / ratio, SHARP * ratio * torque
         return cls(**own, slow=slow, sharp=sharp)
 
@@ -164,29 +167,28 @@ def factor_curve(table: EfficiencyTable) -> CubicHermiteSpline | None:
     return CubicHermiteSpline(table.torque, table.factor, slopes)
 
 
-def _tabled(table: EfficiencyTable, ratio: Any) -> dict[str, Any]:
-    """The entries of ``Gear`` that a table says, behind a gear of this ratio."""
+def _tabled(table: EfficiencyTable, ratio: Any, scale: Any) -> dict[str, Any]:
+    """The entries of ``Gear`` that a table says, behind a gear of this ratio; of efficiency and factor each 1 - scale is 1."""
     slopes = np.diff(table.efficiency) / np.diff(table.speed)
     bends, curve = np.diff(slopes, prepend=0.0, append=0.0), factor_curve(table)
-    first = 1.0 if table.factor is None else table.factor[0]
+    first = 1.0 if table.factor is None else 1 - scale * (1 - table.factor[0])
     return {
-        "efficiency": first * table.efficiency[0],
+        "efficiency": first * (1 - scale * (1 - table.efficiency[0])),
         "knots": tuple(x / ratio for x in table.speed),
-        "bends": tuple(first * ratio * b for b in bends.tolist()),
-        "factor": () if curve is None else _pieces(curve),
+        "bends": tuple(first * scale * ratio * b for b in bends.tolist()),
+        "factor": () if curve is None else _pieces(curve, scale / first),
     }
 
 
-def _pieces(curve: CubicHermiteSpline) -> tuple[tuple[float, ...], ...]:
-    """The pieces of ``factor_at`` of a curve, over its first value."""
-    powers = curve.c[-2::-1] / curve.c[-1, 0]
-    return tuple(map(tuple, np.vstack([curve.x[:-1], np.diff(curve.x), powers]).T.tolist()))
+def _pieces(curve: CubicHermiteSpline, scale: Any) -> tuple[tuple[Any, ...], ...]:
+    """The pieces of ``factor_at`` of a curve, its powers times a number."""
+    ends = zip(curve.x[:-1].tolist(), np.diff(curve.x).tolist(), curve.c[-2::-1].T.tolist(), strict=True)
+    return tuple((start, span, *(scale * power for power in powers)) for start, span, powers in ends)
 
 
 def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:
     """Entries by their paths with which gears and motors' bearings lose nothing, of those among p that lose."""
-    ideal = {f"gear.{name}": value for name, value in zip(ENTRIES, LOSSLESS, strict=True)} | {f"motor.{NO_LOAD}": 0.0}
-    own = {path: ideal[key] for path in p if (key := ".".join(path.split(".")[-2:])) in ideal}
+    own = {path: NOTHING_LOST[key] for path in p if (key := ".".join(path.split(".")[-2:])) in NOTHING_LOST}
     return {path: value for path, value in own.items() if p[path] != value}
 
 

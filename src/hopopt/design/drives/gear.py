@@ -30,6 +30,7 @@ class EfficiencyTable(Section):
         "of the efficiency at these torques, at most 1 (default: the torque changes nothing)",
         None, unit="1", min_length=2, max_length=MOST_POINTS,
     )  # fmt: skip
+    loss_scale: float = quantity("share of its losses that counts: 1 as printed, 0 none", "1", 0, 1, 1.0, physical=True)
 
     def fault(self) -> str:
         """What is wrong with the table, in words that follow its path; empty if nothing is."""

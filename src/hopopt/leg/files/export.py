@@ -17,6 +17,7 @@ import numpy as np
 
 from hopopt.design.geometry.link_joint import LinkJoint
 from hopopt.drivetrain.dynamics import refuse_series_springs
+from hopopt.drivetrain.gear import gears_of
 from hopopt.drivetrain.heat import REFERENCE, TwoBodies
 from hopopt.drivetrain.motor import voltage_line
 from hopopt.drivetrain.operating_region.region import operating_region
@@ -44,6 +45,7 @@ IN_SPACE = (
 )
 TAKES_TORQUE = "A motor takes its joint's torque; its limit is the one at standstill."
 TAKES_VOLTAGE = "A motor takes the voltage at its terminals."
+LOSES_NOTHING = " Gears lose nothing here: MuJoCo's motors have no efficiency, and no table of it."
 DRIVE, ROTOR = "{} drive", "{} rotor"  # names of the tendons that are a joint's drive, and its rotor on a link
 SPRINGS = "The leg has springs beside its drives, which URDF does not know."
 ON_SLIDER = "The body moves on a vertical slider: its guide along x is fixed."
@@ -192,7 +194,8 @@ def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True, pose: np.n
         effort = effort_limit(operating_region(robot.leg, name, robot.parameters))
         pulls = {"joint": name} if turns is None else {"tendon": DRIVE.format(name)}
         ET.SubElement(actuators, "motor", {"name": name, "ctrlrange": _text((-effort, effort)), **pulls})
-    return _document(robot, root, TAKES_VOLTAGE if dc_motors else TAKES_TORQUE)
+    losses = "" if gears_of(robot.leg, robot.parameters).ideal else LOSES_NOTHING
+    return _document(robot, root, (TAKES_VOLTAGE if dc_motors else TAKES_TORQUE) + losses)
 
 
 def _dc_motor(robot: Robot, joint: str, heat: bool) -> dict[str, str]:

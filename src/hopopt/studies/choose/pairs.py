@@ -11,6 +11,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from hopopt.design import Design, Leg, physical_parameters
+from hopopt.drivetrain.gear import NOTHING_LOST
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import rated, torque_cap
 from hopopt.errors import UsageError
@@ -22,12 +23,9 @@ from hopopt.problem.checking.wording import did_you_mean
 FAMILY = re.compile(r"(.+)-\d+")  # of a gear's name, whose last number is its ratio
 HEAT = (*BODIES, LIMIT, "continuous_torque")
 NEUTRAL = {
+    **{path.partition(".")[2]: value for path, value in NOTHING_LOST.items()},
     "inertia": 0.0,
-    "efficiency": 1.0,
-    "friction": 0.0,
-    "damping": 0.0,
     "rotor_inertia": 0.0,
-    "no_load_current": 0.0,
     "winding_to_housing": 1e-3,  # with the longest time constants a winding that hardly gets warm
     "housing_to_ambient": 1e-3,
 }  # what does nothing
