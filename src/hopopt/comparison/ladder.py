@@ -233,10 +233,14 @@ class _Rungs:
 
     def _with_freedoms(self, allowed: frozenset[str], below: Solution | None) -> Solution:
         if allowed not in self.known:
-            self.say(f"ladder: {len(self.known) + 1} optima, now with {', '.join(sorted(allowed)) or CONTROL}")
+            which = f"ladder: optimum {len(self.known) + 1}"
+            self.say(f"{which}, with {', '.join(sorted(allowed)) or CONTROL}")
             design, constraints = self._problem(allowed)
             left = min(TIME_LIMIT, self.until.seconds_left)
-            self.known[allowed] = solve(design, constraints=constraints, starts=RUNG_STARTS, time_limit=left)
+            self.known[allowed] = solve(
+                design, constraints=constraints, starts=RUNG_STARTS, time_limit=left,
+                progress=lambda text: self.say(f"{which}: {text}"),
+            )  # fmt: skip
         found = self.known[allowed]
         if below is not None and found.clearance < below.clearance - BELOW * Scale.of(self.bound.design.leg).length:
             self.say(f"ladder: once more from the hop below, {below.clearance:.4f} m")
