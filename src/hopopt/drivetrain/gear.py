@@ -22,13 +22,12 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from hopopt.design import EfficiencyTable, Leg
 from hopopt.drivetrain.motor import motor_torque_and_speed
-from hopopt.drivetrain.teeth.law import each_passed, efficiency_at, factor_at, passed_torque, teeth_torque
+from hopopt.drivetrain.teeth.law import each_driven, each_passed, efficiency_at, factor_at, passed_torque, teeth_torque
 
 SLOW = 1e-2  # share of the no-load speed over which losses change their sign: 0.1 rad/s on the paper's leg
 SHARP = 1e-3  # share of stall torque over which a gear goes from driving to braking
 ENTRIES = ("efficiency", "friction", "damping")
 LOSSLESS = (1.0, 0.0, 0.0)
-MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative
 PIECE = 5  # numbers of a piece of the curve that a torque makes of an efficiency
 NO_LOAD = "no_load_current"
 TABLE, SCALE = "efficiency_table", "loss_scale"
@@ -228,15 +227,11 @@ def driven_joints(gear: Gear, motor: np.ndarray, w: np.ndarray, a: np.ndarray, r
     a (n), response (n, n): accelerations without torques [rad/s^2], and by a unit of each [1/(kg m^2)]
     rotor (n): reflected inertias [kg m^2]
     """
-    tau, unit = np.array(motor, dtype=float), np.eye(len(motor))
-    for _ in range(MOST_STEPS):
-        moved = a + response @ tau
-        passed, slope = gear.passed(motor - rotor * moved, w)
-        missing = tau - rotor * moved - passed
-        if np.abs(missing).max() <= EXACT * (1.0 + np.abs(tau).max()):
-            break
-        tau = tau - np.linalg.solve(unit - (rotor * (1 - slope))[:, None] * response, missing)
-    return tau
+    n = len(motor)
+    entries = [np.zeros(n) + entry for entry in (motor, w, a, rotor, *gear.law(w))]
+    pieces = np.moveaxis(np.array(gear.factor), -1, 0) if gear.factor else np.zeros((n, 0, PIECE))
+    motor, w, a, rotor, *law = entries
+    return each_driven(motor, w, a, np.ascontiguousarray(response), rotor, *law, np.ascontiguousarray(pieces))
 
 
 def response_to(accelerate: Callable[[np.ndarray], np.ndarray], n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ import numpy as np
 from hopopt.compiled.kernel import kernel
 from hopopt.design import LEAST_EFFICIENCY
 
+MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative
 ROUND = (
     0.1  # share of the speed over which losses change their sign, over which a table of efficiencies has its corners
 )
@@ -104,3 +105,32 @@ def each_passed(
     for i in range(len(tau)):
         out[i], slope[i] = passed_by_torque(tau[i], w[i], eta[i], friction[i], damping[i], slow[i], sharp[i], pieces[i])
     return out, slope
+
+
+@kernel
+def each_driven(
+    motor: np.ndarray, w: np.ndarray, a: np.ndarray, response: np.ndarray, rotor: np.ndarray, eta: np.ndarray,
+    friction: np.ndarray, damping: np.ndarray, slow: np.ndarray, sharp: np.ndarray, pieces: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """``driven_joints`` of gear.py, by Newton's method: compiled, as simulations ask for it at every step."""
+    n = len(motor)
+    tau, asked, missing, slopes = motor.copy(), np.empty(n), np.empty(n), np.empty((n, n))
+    for _ in range(MOST_STEPS):
+        for i in range(n):
+            asked[i] = a[i]
+            for j in range(n):
+                asked[i] += response[i, j] * tau[j]
+            asked[i] = motor[i] - rotor[i] * asked[i]
+        passed, slope = each_passed(asked, w, eta, friction, damping, slow, sharp, pieces)
+        most, greatest = 0.0, 0.0
+        for i in range(n):
+            missing[i] = tau[i] - (motor[i] - asked[i]) - passed[i]
+            most, greatest = max(most, abs(missing[i])), max(greatest, abs(tau[i]))
+            for j in range(n):
+                slopes[i, j] = (i == j) - rotor[i] * (1 - slope[i]) * response[i, j]
+        if most <= EXACT * (1.0 + greatest):
+            break
+        step = np.linalg.solve(slopes, missing)
+        for i in range(n):
+            tau[i] -= step[i]
+    return tau
