@@ -72,6 +72,14 @@ class Transcription:
         """x, p, f, g for CasADi's nlpsol."""
         return self.program.nlp
 
+    def nodes_of(self, phase: str, name: str, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A state at the nodes of a phase in scaled variables (n_z,), as a view (nodes, size), and its scales (size,)."""
+        layout = self.layouts[phase]
+        states = layout.phase.states
+        k = [s.name for s in states].index(name)
+        at, nodes = sum(s.size for s in states[:k]), z[self.variables[phase].x].reshape(layout.state_nodes, -1)
+        return nodes[:, at : at + states[k].size], states[k].column("scale")
+
     def tie_break(self, z: np.ndarray, p: np.ndarray) -> float:
         """What the objective's tie-break weighs at NLP vectors [the objective's unit]."""
         weights = [self.problem.objective.tie_break.get(n, 0.0) for q in self.problem.phases for n in q.integrands]

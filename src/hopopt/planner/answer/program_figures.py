@@ -145,19 +145,16 @@ def limit_gains(solution: NlpSolution, design: Design) -> dict[str, float]:
             lam = solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
             gain = -0.01 * friction * float((lam * by_friction(solution, rows.phase)).sum())
             gains[reported] = gains.get(reported, 0.0) + gain
-    for name, where in t.variables.items():
+    for name in t.variables:
         phase = t.problem.phase(name)
         gains[f"longest {name}"] = 0.01 * phase.duration[1] * by_longest(solution, name)
         q = next(s for s in phase.states if s.name == "q")
-        at = sum(s.size for s in phase.states[: phase.states.index(q)])
-        size = sum(s.size for s in phase.states)
-        lam = solution.lam_x[where.x].reshape(-1, size)[1:, at : at + q.size]  # the start itself is given
+        lam, scale = t.nodes_of(name, "q", solution.lam_x)
         span = q.column("upper") - q.column("lower")
         for k, joint in enumerate(q.labels):
             angle = str(place_limit(design.leg, joint))
-            gains[angle] = gains.get(angle, 0.0) + 0.01 * float(
-                np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k]
-            )
+            pressed = float(np.abs(lam[1:, k]).sum())  # the start itself is given
+            gains[angle] = gains.get(angle, 0.0) + 0.01 * pressed * span[k] / scale[k]
     least = SLIGHT * Scale.of(design.leg).unit(t.problem.objective.unit)
     return most_first({name: gain for name, gain in gains.items() if gain > least})
 

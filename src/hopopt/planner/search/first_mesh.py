@@ -16,6 +16,7 @@ import numpy as np
 from hopopt.errors import one_line
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
 from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.guesses.feasibility import drives_too_weak
 from hopopt.ocp.guesses.initial_guess import posture_guess, stance_guess
 from hopopt.ocp.guesses.posture import Posture
@@ -35,7 +36,14 @@ from hopopt.planner.search.multistart import (
     run_starts,
     solution_of,
 )
-from hopopt.planner.search.neighbours.relaxations import BEGUN_FROM, QUICK, relaxed_starts, suiting
+from hopopt.planner.search.neighbours.relaxations import (
+    BEGUN_FROM,
+    QUICK,
+    asked_from,
+    own_bounds,
+    relaxed_starts,
+    suiting,
+)
 from hopopt.planner.search.neighbours.restrictions import restricted_starts, restricting
 from hopopt.planner.stopwatch import Countdown
 
@@ -114,19 +122,35 @@ def _not_used(hop: Hop) -> str | None:
 def posture_starts(hop: Hop, known: Sequence[StartOutcome], until: Deadline = NEVER) -> list[StartOutcome]:
     """Hops that are known, and end in a posture that is not the one which clears most, solved again with a flight to that
     one: where the leg has two ways to fold, the nearer of them is a local optimum."""
-    if hop.objective.name != "clearance" or hop.design.hop.lands or hop.loops or hop.drive_states.size:
+    if hop.objective.name != "clearance" or hop.loops or hop.drive_states.size:
         return []
     posture, outcomes, t = Posture(hop), list[StartOutcome](), first_transcription(hop)
-    best, solver = posture.best(), first_solver(hop, True, until=until)
+    best = posture.best()
     for known_hop in distinct(known):
         phases = solution_of(known_hop, t).phases
         ends = phases[FLIGHT].x_end[2 * len(hop.falling) :][: hop.n]
         if until.passed or np.ptp(posture.height(np.array([ends, best]))) < POSTURE_LOSS * hop.reach:
             continue
         began = time.perf_counter()
-        s = solver(posture_guess(hop, phases, best))
+        if hop.design.hop.lands:
+            s = folded_at_apex(hop, known_hop, best, until)
+        else:
+            s = first_solver(hop, True, until=until)(posture_guess(hop, phases, best))
         outcomes.append(outcome_of(f"{known_hop.name}, folded otherwise", s, time.perf_counter() - began))
     return outcomes
+
+
+def folded_at_apex(hop: Hop, known: StartOutcome, pose: np.ndarray, until: Deadline) -> NlpSolution:
+    """What a hop that lands leads to with its joints led to a pose (n,) [rad] at the apex, and then released: a guess of
+    the flight alone falls back to the hop that is known, whose descent and landing it has not."""
+    asked = asked_from(hop, None, until)
+    t = asked.transcription
+    held = own_bounds(t)
+    for side in (held.low_z, held.high_z):
+        nodes, scale = t.nodes_of(FLIGHT, "q", side)
+        nodes[-1] = pose / scale
+    led = asked.from_vector(known.vectors["z"], bounds=(held.low_z, held.high_z))
+    return asked.again(led, own_bounds(t)) if led.success else led
 
 
 def looked_closer(hop: Hop, searched: FirstMesh, say: Progress, until: Deadline) -> FirstMesh:

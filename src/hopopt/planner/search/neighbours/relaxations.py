@@ -80,15 +80,11 @@ def joints_below_ground(t: Transcription, b: Bounds) -> None:
 
 def joint_range(t: Transcription, b: Bounds) -> None:
     """Joints may pass their limits, but at the start."""
-    for name, layout in t.layouts.items():
-        phase, where, at = layout.phase, t.variables[name].x, 0
+    for phase in t.problem.phases:
         first = 1 if phase is t.problem.phases[0] else 0
-        for state in phase.states:
-            if state.name == "q":
-                for side, sign in ((b.low_z, -1), (b.high_z, 1)):
-                    nodes = side[where].reshape(layout.state_nodes, -1)  # a view
-                    nodes[first:, at : at + state.size] += sign * WIDER / state.column("scale")
-            at += state.size
+        for side, sign in ((b.low_z, -1), (b.high_z, 1)):
+            nodes, scale = t.nodes_of(phase.name, "q", side)
+            nodes[first:] += sign * WIDER / scale
 
 
 def drives(t: Transcription, b: Bounds) -> None:
