@@ -173,6 +173,14 @@ def test_what_plays_no_part_and_what_is_in_the_way_of_nothing_is_said(
     assert any(note.startswith("the foot ends 0.10 m above the hip") for note in noted)
 
 
+def test_work_that_is_not_verified_names_the_larger_tie_break_not_a_smaller_one(one_push: Solution) -> None:
+    hop = Hop(load("paper", {**ONE_PUSH, "hop.clearance": 0.4}), "absolute_work")
+    failed = replace(one_push, summary=replace(one_push.summary, verified=False, tie_break_weighs=1.0))
+    noted = notes_on(hop, hop.design, False, failed, None)
+    assert any(note.startswith("not verified") and "solver.tie_break = 1e-05" in note for note in noted)
+    assert not any("smaller solver.tie_break" in note for note in noted)
+
+
 def test_a_hop_that_waits_and_is_not_verified_says_which_entry_to_try(one_push: Solution) -> None:
     """It may wait for as long as hop.stance_duration allows, or is given no choice."""
     hop, lasted = Hop(load("paper", ONE_PUSH)), one_push.lift_off

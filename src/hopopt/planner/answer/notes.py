@@ -10,7 +10,7 @@ from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.directions.flat_directions import Flat, NotInvertible, flat
 from hopopt.optimality.second_order import Curvature, curvature
-from hopopt.planner.attempts import AT_MOST
+from hopopt.planner.attempts import AT_MOST, CALMER, LARGEST_TIE_BREAK
 from hopopt.planner.solution import Solution, without_tie_break
 from hopopt.problem.checking.hints import hints
 
@@ -46,7 +46,13 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
             "joints' angles can forbid it; leg.geometry or leg.body.shapes say what is, docs/body.md)"
         )
     weighs = best.summary.tie_break_weighs
-    if (np.inf if best.summary.impact_J is None else best.summary.impact_J) < 1e-3 * weighs:
+    calmer = CALMER * best.design.solver.tie_break
+    if goal.calm_first and not best.verified and 0 < calmer <= LARGEST_TIE_BREAK:
+        notes.append(
+            "not verified, as torques may chatter where work hardly depends on them: solver.tie_break = "
+            f"{calmer:g} may settle sooner; what it weighs is stated"
+        )
+    elif (np.inf if best.summary.impact_J is None else best.summary.impact_J) < 1e-3 * weighs:
         notes.append("the foot can land at rest, as in many hops: of these, this is one with gentle torques")
     elif goal.sign < 0 and weighs > LOUD * abs(best.summary.reached):
         notes.append(
