@@ -40,6 +40,18 @@ def test_a_tuck_keeps_the_limits_clears_more_and_comes_as_high_as_it_expects(nam
     assert plain.limited_by.endswith("in flight it follows its reference")
 
 
+@pytest.mark.parametrize(("name", "slower"), [("go2_leg", 0.35), ("hyq_leg", 0.4)])
+def test_slow_drives_do_not_overrun_where_the_clearance_comes_before_the_apex(name: str, slower: float) -> None:
+    """Turned back while the leg still rose, both once turned faster than their drives may."""
+    leg = load(name).leg
+    speeds = {
+        f"leg.{joint}.motor.max_speed": slower * leg.drive(joint, "motor", "max_speed")[1] for joint in leg.joints
+    }
+    tuck = simulate(load(name, {**speeds, "contact.friction": 0.7}), find("force_tuck"), past_apex=True)
+    assert tuck.figures.limits_exceeded == []
+    assert tuck.figures.clearance > 0.05 * leg.length
+
+
 def test_no_pose_near_the_chosen_one_is_worth_more() -> None:
     """By flights computed anew, at both sides of every joint's angle."""
     controller = make_controller(load("go2_leg"), find("force_tuck"))

@@ -104,6 +104,18 @@ def test_heat_of_a_gear_is_exact_where_it_goes_from_driving_to_braking_within_an
         assert told.gear == pytest.approx(heat, rel=1e-4)
 
 
+def test_heat_of_friction_is_exact_where_a_joint_turns_back_within_an_interval() -> None:
+    """2 N m times the integral of |w| over 0.01 s, w from -4 to 4 rad/s: 0.04 J, but for where friction sets in smoothly."""
+    robot = build_robot(load("paper", {"leg.gear.friction": 2.0}).leg)
+    at, still = NORMALISED_TIMES[:, None], np.zeros((1, 9, 4))
+    v, a = still.copy(), still.copy()
+    v[0, :, 2:], a[0, :, 2:] = 8.0 * (at - 0.5), 800.0
+    command = motor_torque(gears_of(robot.leg, robot.parameters), 10.0, v[0, :, 2:], a[0, :, 2:], robot.rotors)
+    plan = Table(0.01 * at.T, still, v, a, still[..., 2:] + 10.0, still[..., :2], command[None])
+    for told in losses(robot, {"stance": plan}).values():
+        assert told.friction == pytest.approx(0.04, rel=2e-3)
+
+
 def test_a_plan_asks_its_motor_by_the_law_between_nodes_too() -> None:
     """Where a gear goes from driving to braking within an interval: tau / eta before and tau eta after, which no polynomial is."""
     robot = build_robot(load("paper", {"leg.gear.efficiency": 0.7}).leg)

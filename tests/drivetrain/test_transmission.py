@@ -343,6 +343,7 @@ def test_gears_take_their_share_of_what_a_rotor_on_a_link_leaves(overrides: dict
         ({"four_bar": FOUR_BAR | {"rod": 0.2}}, "cannot close at"),
         ({"linear": {"slope": 0.1}, "rod": {"base": 0.1, "arm": 0.05, "folded": -3.0, "travel": 0.01}}, "linear and rod: one law"),
         ({"table": {"angle": [-2.0, -1.0, 0.0], "ratio": [1.0, 1.2, 1.1]}}, "not monotone in the angle"),
+        ({"reversed": True}, "is of a motor on a link, and this one is on the body: leave it out"),
         ({"motor_on": "tigh"}, "is no link .did you mean thigh.*: allowed are body, thigh, shank"),
         ({"coupling": {"ankle": {"ratio": 1.0}}}, "names no other joint of the leg: allowed are hip"),
     ],

@@ -253,9 +253,13 @@ def test_a_smooth_plan_is_as_good_and_its_torques_vary_less(
 def test_smooth_is_for_a_solved_hop_in_a_form(capsys: pytest.CaptureFixture) -> None:
     assert cli.run(["export", "paper", "--urdf", "leg.urdf", "--smooth"]) == 2
     assert "--smooth is for a planned hop: say in which form" in capsys.readouterr().err
-    for wrong in (["--figure", "t.svg"], ["--smooth", "--figure", "t.gif"]):
+    for wrong, words in (
+        (["--figure", "t.svg"], "it is of a smooth plan: say --smooth"),
+        (["--smooth", "--figure", "t.gif"], "a figure's file ends in one of .svg, .png, .pdf"),
+        (["--smooth", "--figure", "t.svg", "-o", "t.svg"], "the plan is written there: name another file"),
+    ):
         assert cli.run(["export", "paper", "--format", "csv", *wrong]) == 2
-        assert "it is of a smooth plan: say --smooth, and name a file .svg, .png, .pdf" in capsys.readouterr().err
+        assert words in capsys.readouterr().err
 
 
 def test_no_smooth_plan_is_made_of_a_hop_that_was_changed_or_lacks_what_it_needs(

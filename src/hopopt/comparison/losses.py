@@ -32,7 +32,8 @@ class Lifted:
     strategy_m: clearance of the PD strategy without it [m]; strategy_gains_m: by how much that is higher [m]
     bound_m: clearance of the optimum without it [m]; bound_gains_m: by how much that is higher [m]
     verified: whether that optimum is
-    limits_exceeded: limits that the strategy does not keep without it, or why it does not hop, in words
+    limits_exceeded: limits that the strategy does not keep without it, in words
+    no_hop: why the strategy does not hop without it, in words; empty where it does
     """
 
     lifts: str
@@ -42,6 +43,7 @@ class Lifted:
     bound_gains_m: float
     verified: bool
     limits_exceeded: tuple[str, ...] = ()
+    no_hop: str = ""
 
 
 def lifted_in_turn(design: Design) -> Iterator[tuple[str, Design]]:
@@ -80,9 +82,8 @@ def beyond_the_bound(comparison: Comparison, name: str, say: Callable[[str], Non
         except NotSolvedError as error:  # all else of the ladder is there
             say(f"ladder: no optimum with {words}: {error}")
             return tuple(found), words
-        gains, faults = (run.clearance - pd, best.clearance - bound.clearance), (run.no_hop, *run.limits_exceeded)
-        exceeded = tuple(filter(None, faults))
-        found.append(Lifted(words, run.clearance, gains[0], best.clearance, gains[1], best.verified, exceeded))
+        gains, faults = (run.clearance - pd, best.clearance - bound.clearance), (tuple(run.limits_exceeded), run.no_hop)
+        found.append(Lifted(words, run.clearance, gains[0], best.clearance, gains[1], best.verified, *faults))
         pd, bound = run.clearance, best
     return tuple(found), ""
 

@@ -155,8 +155,9 @@ class PaperStrategy:
         Large errors are made good at half the no-load speed at most: from there the drive can still brake. A braked
         servo comes no faster than sqrt(2 a e), with the deceleration a that its drive has at this speed.
         """
-        if self.drawing_up and self.aim and now.t - self.left < max(self.rise, self.aim.at):
-            return self.drawing_up.torque(now.q, now.v, self.aim.pose, self.aim.fastest)
+        drawn, aim = self.drawing_up, self.aim
+        if drawn and aim and now.t - self.left < max(self.rise, aim.at + drawn.held):
+            return drawn.torque(now.q, now.v, aim.pose, aim.fastest)
         angles, rates = self.desired(now)
         error = angles - now.q
         inertia = np.diag(self.machine.mass_matrix(np.concatenate([np.zeros(BASE), now.q])))[BASE:]

@@ -230,12 +230,12 @@ def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures |
 
 
 def without_bends(robot: Robot, table: Table) -> Table:
-    """The table with its intervals cut where what passes a gear's teeth changes sides, and where a supply that takes nothing
-    back gives no more: there powers have a bend, which the polynomial of an interval does not follow."""
+    """The table with its intervals cut where a drive turns back, where what passes a gear's teeth changes sides, and where a supply
+    that takes nothing back gives no more: there powers have a bend, which the polynomial of an interval does not follow."""
     if not any_lossy(robot.leg) and (robot.leg.supply is None or robot.leg.supply.recuperation):
         return table
-    _, rate, tau = at_drives(robot, table)
-    turning = tau - rotors(robot) * rate
+    w, rate, tau = at_drives(robot, table)
+    turning = np.concatenate([w, tau - rotors(robot) * rate], -1)
     if robot.leg.supply is not None:
         turning = np.concatenate(
             [turning, power_used(robot.leg, robot.parameters, *_powers(robot, table))[..., None]], -1

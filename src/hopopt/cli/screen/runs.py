@@ -211,11 +211,14 @@ def _beyond(start: Mapping[str, Any], beyond: Sequence[Mapping[str, Any]]) -> It
     heads = ("bound\nm", "gain\ncm", f"{name}\nm", "gain\ncm", "")
     yield table([named("beyond the bound"), *figures(*heads)], rows, between=(0, 1))
     for lifted in beyond:
+        if lifted.get("no_hop"):
+            yield f"{name} with {lifted['lifts']} does not hop: {lifted['no_hop']}"
         if lifted.get("limits_exceeded"):
             yield f"{name} with {lifted['lifts']} does not keep every limit: {', '.join(lifted['limits_exceeded'])}"
     gap = beyond[-1]["bound_m"] - beyond[-1]["strategy_m"]
     doubt = "" if beyond[-1]["verified"] else ", to a bound that is not verified"
-    yield f"what holds down both, each lifted with those above it; without these the gap is {100 * gap:.1f} cm{doubt}"
+    left = "" if beyond[-1].get("no_hop") else f"; without these the gap is {100 * gap:.1f} cm{doubt}"
+    yield f"what holds down both, each lifted with those above it{left}"
 
 
 def cm(gap: float) -> str:

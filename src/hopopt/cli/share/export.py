@@ -71,7 +71,7 @@ def export(
     output
         The file to write (default: the folder's name, with the suffix csv, json, yaml or h).
     smooth
-        Write a plan whose torques vary less, and which is as good within 0.01 mm. Where the height hardly depends on a torque,
+        Write a plan whose torques vary less, and which is as good within 1e-5 of the objective, a height within 0.01 mm. Where the height hardly depends on a torque,
         the best hop's may have saw teeth. It is verified as the hop is, which takes some seconds. --json says what it brought.
     figure
         With --smooth: also draw the torques of the hop and of the smooth plan, into this file (torques.svg, or png or pdf).
@@ -88,10 +88,12 @@ def export(
         raise UsageError(
             "--smooth is for a planned hop: say in which form it is written: --format csv, json, ros2 or c"
         )
-    if figure is not None and (not smooth or figure.suffix not in FIGURES):
-        raise UsageError(
-            f"--figure {figure}: it is of a smooth plan: say --smooth, and name a file {', '.join(FIGURES)}"
-        )
+    if figure is not None and not smooth:
+        raise UsageError(f"--figure {figure}: it is of a smooth plan: say --smooth")
+    if figure is not None and figure.suffix.lower() not in FIGURES:
+        raise UsageError(f"--figure {figure}: a figure's file ends in one of {', '.join(FIGURES)}")
+    if figure is not None and output is not None and figure.resolve() == output.resolve():
+        raise UsageError(f"--figure {figure}: the plan is written there: name another file")
     if format_ is None and urdf is None and mjcf is None:
         raise UsageError(
             "say what to write: --format csv, json, ros2 or c for a planned hop; --urdf leg.urdf or --mjcf leg.xml for "
@@ -116,17 +118,16 @@ def _plan_files(
 ) -> tuple[list[Path], dict[str, Any]]:
     """The files of a plan, and what is stated of a smooth one."""
     suffix, write = EXPORTS[form]
-    made, stated = [output or Path(f"{folder.resolve().name}.{suffix}")], dict[str, Any]()
+    made = [output or Path(f"{folder.resolve().name}.{suffix}")]
     for file in (*made, *([figure] if figure else [])):
         check_new(file)
     if smooth:
         solution, found = _smooth_plan(folder)
-        plan, stated = _tracked(found), {"smooth": found.as_dict()}
+        write_new(made[0], write(_tracked(found)))
         made += [_drawn(figure, solution, found)] if figure else []
-    else:
-        plan = _verified_plan(folder)
-    write_new(made[0], write(plan))
-    return made, stated
+        return made, {"smooth": found.as_dict()}
+    write_new(made[0], write(_verified_plan(folder)))
+    return made, {}
 
 
 def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None, dc_motors: bool) -> list[Path]:

@@ -22,6 +22,7 @@ from hopopt.leg.scales import Scale
 
 STEP = 2e-3  # [s] on the paper's leg, between the computed instants of a flight
 PARTS = 3  # steps from one of them to the next
+HELD = 0.05  # [s] on the paper's leg, for which a leg is drawn up beyond the time that is aimed at: it need not turn back at once
 PAST_APEX = 0.1  # [s] on the paper's leg, after the apex, for which it is computed
 QUICKEST = 150.0  # [1/s] on the paper's leg: bandwidth of the servo at most, which the steps can follow
 POSES = (64, 48)  # that are tried at first, and then about the best
@@ -69,6 +70,7 @@ class DrawingUp:
         [N m/rad], as far as its bandwidth allows."""
         leg, scale = robot.leg, Scale.of(robot.leg)
         self.window, self.step, self.late = window, STEP * scale.time, PAST_APEX * scale.time
+        self.held = HELD * scale.time
         self.lower, self.upper = (np.array([getattr(leg.joint[j], s) for j in leg.joints]) for s in ("lower", "upper"))
         self.sunk, self.gravity = SUNK * scale.length, float(np.linalg.norm(robot.model.gravity.linear))
         self.drive, self.no_load, self.k_p, self.quickest = drive, no_load, k_p, QUICKEST / scale.time

@@ -1,4 +1,4 @@
-"""Of solutions that are equally good, one whose chosen quantities change less: last solves on the settled mesh.
+"""Of solutions that are equally good, one whose chosen quantities change less: last solves on the settled mesh or a finer one.
 
 What an objective hardly depends on, it leaves to the solver, which leaves saw teeth there. The roughness of a quantity r,
 over a whole duration T with times s = t / T from 0 to 1, is

@@ -39,7 +39,8 @@ class SmoothPlan:
     motion: the plan
     claims: what is stated of it, by name [the name's unit]
     checks: of its intervals' errors, of its table, and of its simulation in one piece; all passed
-    value, unit: its objective, and the unit of that
+    value: its objective
+    unit: of the objective
     lost: by how much that is worse than the hop's [the same]
     may_lose: by how much it may be worse [the same]
     variation: total variation of each joint's motor torque, of the hop and of the plan, (2, n) [N m; N of a joint that slides]
@@ -57,7 +58,7 @@ class SmoothPlan:
     limited: str
 
     def as_dict(self) -> dict[str, Any]:
-        """What is stated of it, for JSON: its claims, what it lost, what limited it, its checks, and by what each motor's torque
+        """What is stated of it, for JSON: its claims, what it lost, what limited it and its checks. Of each motor, by what its torque
         varies in the hop and in the plan."""
         leg, (hop, plan) = self.motion.design.leg, self.variation.tolist()
         varies = {
@@ -80,7 +81,8 @@ def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
     most = min(most, LOST) if goal.unit == "m" else most
     smoother = smoothed(settled, torque_shares(hop), most, aims_of(hop, until))
     if smoother is None:
-        raise NotSolvedError(f"{_named(solution)}: no smoother plan was found: take the hop as it is", [])
+        why = " in the time there was" if until.passed else ": take the hop as it is"
+        raise NotSolvedError(f"{_named(solution)}: no smoother plan was found{why}", [])
     found = smoother.solution
     stated = stated_figure(hop, found)
     plan = replace(Motion(hop.design, goal.name, found.phases, stated=stated), own=solution.own)

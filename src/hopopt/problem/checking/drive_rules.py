@@ -139,6 +139,10 @@ def transmission_rules(leg: Leg, report: Report) -> None:
 def _motor_on_rules(leg: Leg, joint: str, report: Report) -> None:
     """Report a motor on what is no link, or whose rotor's axis is not that of all joints before it."""
     between = leg.joint[joint].transmission
+    if between is not None and between.reversed and between.motor_on in (None, "body"):
+        report.add(
+            f"leg.{joint}.transmission.reversed", "is of a motor on a link, and this one is on the body: leave it out"
+        )
     if between is None or between.motor_on is None:
         return
     path, places = f"leg.{joint}.transmission.motor_on", ("body", *leg.links)
