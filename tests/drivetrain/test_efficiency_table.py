@@ -170,6 +170,42 @@ def test_others_that_read_the_efficiency_know_the_table() -> None:
     assert np.all((lost > 0.8) & (lost < 1.0 - 1e-4))
 
 
+@pytest.mark.parametrize("entries", [TABLE, LOADED])
+@pytest.mark.parametrize("scale", [1.0, 0.5, 0.0])
+def test_what_uncertain_legs_lose_does_not_depend_on_the_scale_of_known_losses(
+    entries: dict[str, Any], scale: float
+) -> None:
+    """As with an efficiency of one number: the same share of what the believed gear passes, at every speed and torque. Gears at the
+    ends of the spread lose none or all of it."""
+    design = load("paper", entries | {"leg.gear.efficiency_table.loss_scale": scale})
+    legs = [draw.leg for draw in drawn(design, Uncertainty(gear_loss=0.1), draws=8, seed=0, corners=True)]
+    believed, *true = (gears_of(each.leg, build_robot(each.leg).parameters) for each in (design, *legs))
+    found = np.array([[gear.law(w, out)[0] / believed.law(w, out)[0] for gear in true]
+                      for w in (0.0, 2.5, -6.5, 12.0) for out in (0.0, 25.0, -60.0, 200.0)])  # fmt: skip
+    np.testing.assert_allclose(found, np.broadcast_to(found[0], found.shape), rtol=1e-12)
+    np.testing.assert_allclose(np.unique(found[0].round(12)), [0.9, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("hip", "knee", "turning"),
+    [
+        ({"factor": FACTORS, "loss_scale": 0.0}, {"factor": FACTORS, "loss_scale": 0.5}, (False, True)),
+        ({"factor": (1.0, 1.0, 1.0)}, {"factor": (1.0, 1.0, 0.9)}, (False, True)),
+        ({"factor": (0.9, 0.9, 0.9)}, {"efficiency": (1.0, 1.0, 0.9)}, (True, True)),
+    ],
+)
+def test_only_a_gear_that_loses_has_a_reversal(
+    hip: dict[str, Any], knee: dict[str, Any], turning: tuple[bool, bool]
+) -> None:
+    """Each joint by its own table, be it lossless over some of its speeds or torques."""
+    plain = {"speed": SPEEDS, "efficiency": (1.0, 1.0, 1.0), "torque": TORQUES, "factor": (1.0, 1.0, 1.0)}
+    tables = {"hip": plain | hip, "knee": plain | knee}
+    leg = load("paper", {f"leg.{joint}.gear.efficiency_table": table for joint, table in tables.items()}).leg
+    gears = gears_of(leg, build_robot(leg).parameters)
+    assert not gears.ideal
+    np.testing.assert_array_equal(gears.one_sided, turning)
+
+
 def test_a_motor_s_own_friction_is_in_the_plant_beside_the_gear_s() -> None:
     """R k i_0 at the joint, also where [simulation] says what the gear's friction is."""
     entries = {"leg.motor.torque_constant": 0.05, "leg.motor.no_load_current": 0.4}

@@ -14,7 +14,9 @@ is a monotone cubic spline through its points (``factor_at``). All of it plain P
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import zip_longest
+from operator import or_
 from typing import Any, Self
 
 import numpy as np
@@ -69,8 +71,8 @@ class Gear:
     @property
     def one_sided(self) -> Any:
         """Whether its losses turn round with the speed: not those of viscous friction alone."""
-        bent = sum(bend != 0.0 for bend in (*self.bends, *(piece[1] for piece in self.factor)))
-        return (self.efficiency != 1.0) | (self.friction != 0.0) | bent
+        losing = (self.efficiency != 1.0) | (self.friction != 0.0)
+        return reduce(or_, (slope != 0.0 for slope in self._slopes), losing)
 
     @property
     def entries(self) -> tuple[Any, ...]:
@@ -80,7 +82,12 @@ class Gear:
     @property
     def tabled(self) -> bool:
         """Whether its efficiency is no one number; of numbers alone."""
-        return any(map(np.any, (*self.bends, *(power for piece in self.factor for power in piece[2:]))))
+        return any(map(np.any, self._slopes))
+
+    @property
+    def _slopes(self) -> tuple[Any, ...]:
+        """What changes its efficiency with speed and torque: all 0 where it is one number."""
+        return *self.bends, *(power for piece in self.factor for power in piece[2:])
 
     @property
     def level(self) -> "Gear":
@@ -166,13 +173,28 @@ def factor_curve(table: EfficiencyTable) -> CubicHermiteSpline | None:
     return CubicHermiteSpline(table.torque, table.factor, slopes)
 
 
+def worse_table(table: EfficiencyTable, lost: float) -> EfficiencyTable:
+    """The table of a gear that loses a share more of its torque than its table says, with all that is lost: at a scale of 1.
+
+    The scale counts what the table says, not what is lost beyond; so it goes into efficiencies and factors first."""
+    scale, factor = table.loss_scale, table.factor
+    efficiency = tuple(_left(share, scale) * (1 - lost) for share in table.efficiency)
+    left = None if factor is None else tuple(_left(share, scale) for share in factor)
+    return table.model_copy(update={"efficiency": efficiency, "factor": left, SCALE: 1.0})
+
+
+def _left(share: Any, scale: Any) -> Any:
+    """What passes of 1 where of the losses 1 - share that a table says only this scale counts."""
+    return 1 - scale * (1 - share)
+
+
 def _tabled(table: EfficiencyTable, ratio: Any, scale: Any) -> dict[str, Any]:
     """The entries of ``Gear`` that a table says, behind a gear of this ratio; of efficiency and factor each 1 - scale is 1."""
     slopes = np.diff(table.efficiency) / np.diff(table.speed)
     bends, curve = np.diff(slopes, prepend=0.0, append=0.0), factor_curve(table)
-    first = 1.0 if table.factor is None else 1 - scale * (1 - table.factor[0])
+    first = 1.0 if table.factor is None else _left(table.factor[0], scale)
     return {
-        "efficiency": first * (1 - scale * (1 - table.efficiency[0])),
+        "efficiency": first * _left(table.efficiency[0], scale),
         "knots": tuple(x / ratio for x in table.speed),
         "bends": tuple(first * scale * ratio * b for b in bends.tolist()),
         "factor": () if curve is None else _pieces(curve, scale / first),

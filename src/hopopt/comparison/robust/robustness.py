@@ -14,7 +14,7 @@ from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
 from hopopt.design import Design, Leg, Uncertainty, as_changed
-from hopopt.drivetrain.gear import TABLE, efficiency_table
+from hopopt.drivetrain.gear import TABLE, efficiency_table, worse_table
 from hopopt.errors import UsageError
 from hopopt.extensions import carried
 from hopopt.leg.closed_chains import PARTS, side_link_scaled
@@ -81,9 +81,7 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
         for name in design.leg.joints:
             kept = design.leg.drive(name, "gear", "efficiency")[1] or design.simulation.gear_efficiency
             lost, table = spread.gear_loss * more.uniform(), efficiency_table(design.leg, name)
-            worse: dict[str, Any] = {"efficiency": kept * (1 - lost)}
-            if table is not None:
-                worse = {TABLE: table.model_dump() | {"efficiency": tuple(x * (1 - lost) for x in table.efficiency)}}
+            worse = {TABLE: worse_table(table, lost).model_dump()} if table else {"efficiency": kept * (1 - lost)}
             if lost:
                 data["leg"][name].setdefault("gear", {}).update(worse)
         for parts, part in _side_links(data, design.leg):
