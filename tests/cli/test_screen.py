@@ -119,7 +119,13 @@ def test_names_are_whole_on_a_narrow_screen() -> None:
     """Rows that are told apart by the ends of their names stay apart."""
     names = ["leg.motor.max_torque", "leg.motor.max_speed", "leg.knee.motor.max_torque", "leg.knee.motor.max_speed"]
     influences = [Influence(n, 1256.637, "rad/s", 1e-4, n.replace("knee.", "") if "knee" in n else None) for n in names]
-    data = {"problem": "x", "failed_checks": [], "settled_within": 1e-5, "tie_break_bias": 1e-6}
+    data = {
+        "problem": "x",
+        "failed_checks": [],
+        "settled_within": 1e-5,
+        "lengths_left_out": False,
+        "tie_break_bias": 1e-6,
+    }
     data |= {"objective": "clearance", "objective_unit": "m", "objective_value": 0.8}
     with redirect_stdout(Screen()) as screen:
         show(sensitivity.shown({**data, "result_dir": "results/x"}, influences))

@@ -19,6 +19,7 @@ from hopopt.planner.attempts import (
     RESTARTED,
     SEVERAL_HOPS,
     TOLERANCE,
+    WORK,
     Attempt,
     AttemptOutcome,
     tried_again,
@@ -85,6 +86,7 @@ def test_what_may_help_is_tried_in_its_order(
         (FAILED, REFINEMENT, FAILED, False),
         (FAILED, HOP, AttemptOutcome(True, False, MET, 0.509), True),
         (FAILED, HOP, AttemptOutcome(True, True, MET, 0.52), False),  # another optimum
+        (FAILED, WORK, AttemptOutcome(True, True, MET, 0.58), True),  # what is not verified was far too low
         (FAILED, POINT, AttemptOutcome(True, True, MET, 0.501), True),
         (FAILED, POINT, AttemptOutcome(True, True, MET, 0.509), False),
         (FAILED, CODESIGN, AttemptOutcome(True, True, MET, 0.6), True),

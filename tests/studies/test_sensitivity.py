@@ -14,7 +14,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli.main import run
-from hopopt.cli.studies.sensitivity import TABLE_ROWS, left_out, sentences
+from hopopt.cli.studies.sensitivity import TABLE_ROWS, left_out, sentences, shown
 from hopopt.design import physical_parameters
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
@@ -28,7 +28,7 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.studies.finite_differences import chosen, confirmed, solve_again, with_entry
 from hopopt.studies.influence import Difference, Influence
-from hopopt.studies.sensitivity import pose_slopes, sensitivity, settled_within
+from hopopt.studies.sensitivity import as_dict, pose_slopes, sensitivity, settled_within
 from known_problems import double_integrator, moved
 from once import solved_once
 
@@ -277,6 +277,18 @@ def paper(hop: Solution, tmp_path_factory: pytest.TempPathFactory) -> Solution:
 @pytest.fixture(scope="module")
 def found(paper: Solution) -> list[Influence]:
     return sensitivity(paper)
+
+
+def test_lengths_of_a_leg_with_shapes_are_left_out_and_it_is_said(
+    paper: Solution, found: list[Influence], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What shapes have of a length is a number in the program, so multipliers do not tell what the length is worth."""
+    monkeypatch.setattr("hopopt.studies.sensitivity.has_shape", lambda leg: True)
+    left = sensitivity(paper)
+    lengths = {"leg.thigh.length", "leg.shank.length"}
+    assert {i.name for i in found} - {i.name for i in left} == lengths
+    said = [line for line in shown({**as_dict(paper, left, []), "result_dir": ""}, left) if isinstance(line, str)]
+    assert any(line.startswith("Lengths are left out") for line in said)
 
 
 @pytest.mark.slow

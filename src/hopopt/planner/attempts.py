@@ -1,8 +1,8 @@
 """What is tried again where an answer is not verified, or not certified: every attempt, in its order, with its reason.
 
 REFINEMENT is for one refinement of an optimum of the first mesh (planner/refine_and_verify.py). Where a hop still
-fails, HOP is for a solve (planner/solve.py), POINT for a point of a sweep (studies/sweep/point.py), CODESIGN for a
-co-design (studies/codesign.py); each refinement among them has those of REFINEMENT again. SEVERAL_HOPS is for
+fails, HOP is for a solve (planner/solve.py) and WORK for one of work, POINT
+for a point of a sweep (studies/sweep/point.py), CODESIGN for a co-design (studies/codesign.py); each refinement among them has those of REFINEMENT again. SEVERAL_HOPS is for
 planner/several_hops.py. What one program is solved with again stands beside its solver:
 nlp/refinement/mesh_refinement.py, planner/search/multistart.py.
 """
@@ -113,6 +113,10 @@ RESTARTED = Attempt(
 REFINEMENT = (RESOLVED, FURTHER, CLOSER_AIM)
 FRONT = (RESOLVED, CLOSER_AIM)  # its points are to be verified: a certificate of each would take as long as all of it
 HOP = (CALMED, RESTARTED)
+WORK = (
+    replace(CALMED, within=inf),
+    RESTARTED,
+)  # torques that chatter between the nodes: what is not verified is far too low
 POINT = (replace(CALMED, within=3e-3), RESTARTED)  # neighbours are compared: a point may not change to another optimum
 CODESIGN = (  # the answer is the hop of the leg that comes out: how the co-design's own refinement ended is not known
     replace(CALMED, restarts=False, within=inf), replace(RESTARTED, ended=None),

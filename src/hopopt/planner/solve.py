@@ -20,7 +20,7 @@ from hopopt.planner.answer.limit_names import flat_words
 from hopopt.planner.answer.notes import flat_directions, notes_on, saddle_note, second_order
 from hopopt.planner.answer.starts import start_figures
 from hopopt.planner.answer.summary import LATE
-from hopopt.planner.attempts import HOP, Attempt, AttemptOutcome, tried_again, with_tighter_tolerances
+from hopopt.planner.attempts import HOP, WORK, Attempt, AttemptOutcome, tried_again, with_tighter_tolerances
 from hopopt.planner.checks.cross_check import cross_check_entries
 from hopopt.planner.checks.global_verdict import GRID_TOO_COARSE, MAY_EXIST, alarm_note, global_figures
 from hopopt.planner.refine_and_verify import (
@@ -244,7 +244,7 @@ def once_more(
             return refined_and_verified(other, begin, outcomes, say, clock, restarts=attempt.restarts, until=until)
         return None
 
-    return tried_again(hop, doubtful, HOP, again, trial_of, say, until)
+    return tried_again(hop, doubtful, WORK if hop.objective.calm_first else HOP, again, trial_of, say, until)
 
 
 def trial_of(s: Solution) -> AttemptOutcome:

@@ -15,6 +15,7 @@ from hopopt.design import Design, Leg, physical_parameters
 from hopopt.design.drives.motor import LINEAR
 from hopopt.design.parameters import variable_numbers
 from hopopt.errors import UsageError
+from hopopt.leg.geometry.solids import has_shape
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.leg.scales import Scale
@@ -35,7 +36,8 @@ STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretche
 def sensitivity(solution: Solution) -> list[Influence]:
     """Every entry that the objective depends on, the most rewarding per cent first (entries at 0 last, per unit).
 
-    solution is what ``solve`` or ``read`` returned. Raises UsageError where the start pose has no derivative.
+    solution is what ``solve`` or ``read`` returned. Lengths of a leg with shapes are left out: what a radius, an obstacle or a
+    distance between solids has of them is a number in the program. Raises UsageError where the start pose has no derivative.
     """
     design, unit = solution.design, solution.summary.objective_unit
     nlp = stored_nlp(with_own_drives(solution))
@@ -51,6 +53,8 @@ def sensitivity(solution: Solution) -> list[Influence]:
     influences = list[Influence]()
     hardly = FELT_HEIGHT * (Scale.of(design.leg).length if unit == "m" else abs(nlp.objective))
     for k, (name, (_, part_of)) in enumerate(found.items()):
+        if name.endswith(".length") and has_shape(design.leg):
+            continue
         value = value_at(design, part_of or name)
         felt = abs(more[k] - less[k]) * max(abs(value), 1.0)
         smooth = felt <= hardly or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
@@ -91,6 +95,7 @@ def as_dict(solution: Solution, influences: Sequence[Influence], failed: Sequenc
         "objective_value": None if failed else solution.summary.reached,
         "tie_break_bias": solution.summary.bias,
         "settled_within": settled_within(solution),
+        "lengths_left_out": has_shape(solution.design.leg),
         "parameters": [i.as_dict() for i in influences],
     }
 

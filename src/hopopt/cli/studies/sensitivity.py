@@ -138,6 +138,8 @@ def shown(data: Mapping[str, Any], influences: Sequence[Influence]) -> Iterator[
     if any(i.part_of for i in rows):
         yield "Indented: what one joint has of an entry that the whole leg shares."
     yield from left_out(influences, least)
+    if data["lengths_left_out"]:
+        yield "Lengths are left out: shapes of links are numbers here, and do not follow them. Sweep a length to see what it is worth."
     yield from sentences(influences, least)
     zero = [i for i in influences if not i.value and abs(i.per_unit) > 1e-6]  # there is no per cent of it
     if zero:
