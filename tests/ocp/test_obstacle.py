@@ -134,6 +134,18 @@ def test_an_outline_holds_all_that_is_measured() -> None:
     assert not outlines(load("paper").leg)
 
 
+@pytest.mark.parametrize(("link", "other"), [("thigh", 0.41), ("shank", 0.35)])
+def test_an_outline_goes_with_the_length_of_its_link(link: str, other: float) -> None:
+    """Its corners, moved by their derivatives, are those of a leg that is built with another length."""
+    leg, data = load_trunk().leg, load_trunk().model_dump(exclude_none=True)
+    data["leg"][link]["length"] = other
+    here, there = outlines(leg)[link], outlines(Design.model_validate(data).leg)[link]
+    more = other - leg.link[link].length
+    np.testing.assert_allclose(here.corners + more * here.by_length, there.corners, atol=1e-9)
+    for (_, a), (_, b) in zip(here.faces, there.faces, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9)
+
+
 TRUNK: dict[str, Any] = {  # of the body: x, y, z and where its middle is from the hip [m]; radii of the links [m]
     "box": [0.4, 0.2, 0.16], "at": [-0.05, 0.0, 0.06], "thigh": 0.035, "shank": 0.025,
 }  # fmt: skip

@@ -15,6 +15,7 @@ from hopopt.leg.robot import BASE
 
 ALIKE = 1e-6  # of the leg's length: corners of a polygon that are nearer are one
 CIRCLE = 48  # sides of the polygon about a circle, at most 0.3 % of its radius wider
+STEP = 1e-6  # of a link's length, for derivatives by it
 UPRIGHT = 1e-9  # of a unit vector: a face that points down by less does not
 
 
@@ -25,11 +26,13 @@ class Outline:
     name: of the link, or "trunk"
     joint: number of the joint that moves it, from the body down, or BODY
     corners: (k, 2) x, z [m] from that joint, all joint angles zero, anticlockwise seen with x to the right
+    by_length: (k, 2) derivatives of the corners by the length of the link [1]: its line and radius end where it does
     """
 
     name: str
     joint: int
     corners: np.ndarray
+    by_length: np.ndarray
 
     @property
     def faces(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -56,17 +59,30 @@ def outlines(leg: Leg) -> dict[str, Outline]:
     counted, ends, found = [solid for solid in solids(leg) if solid.counts], link_ends(leg), dict[str, Outline]()
     for joint, name in enumerate((TRUNK, *leg.links), BODY):
         own = [solid for solid in counted if solid.joint == joint]
-        if own:
-            line = [] if joint == BODY else [Solid(name, joint, np.array([np.zeros(3), ends[joint]]), 0.0)]
-            found[name] = Outline(name, joint, _corners([*own, *line], ALIKE * leg.length))
+        if own and joint == BODY:
+            found[name] = Outline(name, joint, *_corners(own, own, ALIKE * leg.length))
+        elif own:
+            line = [Solid(name, joint, np.array([np.zeros(3), ends[joint]]), 0.0)]
+            along = [
+                *own[: bool(leg.link[name].radius)],
+                *line,
+            ]  # what the length stretches; shapes stay where they are
+            longer = [replace(solid, points=solid.points * (1 + STEP)) for solid in along]
+            now, then = [*own, *line], [*longer, *own[bool(leg.link[name].radius) :]]
+            found[name] = Outline(
+                name, joint, *_corners(now, then, ALIKE * leg.length, STEP * float(np.linalg.norm(ends[joint])))
+            )
     return found
 
 
-def _corners(found: Sequence[Solid], alike: float) -> np.ndarray:
-    """Corners (k, 2) of the polygon about solids (``about``), each once, anticlockwise."""
+def _corners(
+    found: Sequence[Solid], longer: Sequence[Solid], alike: float, step: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (k, 2) of the polygon about solids (``about``), each once, anticlockwise; and their derivatives (k, 2) by a length
+    of which the ``longer`` ones have ``step`` [m] more: the sides face as they do, so corners are linear in it."""
     corners = about(found)
     far = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > alike
-    return corners[far]
+    return corners[far], (about(longer) - corners)[far] / step
 
 
 def seen(leg: Leg, q: np.ndarray) -> list[np.ndarray]:

@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from hopopt.design import Design
 from hopopt.design.fields import TRUNK
@@ -30,6 +29,7 @@ OBSTACLE_STEP = "obstacle step"  # how far ahead the foot lands [m]
 BELOW_APEX = "obstacle below the apex"
 BOX_WIDTH = "hop.obstacle.width"
 CORNER_ROUNDING = 2e-3  # of the leg's length
+STILL = 1e-6  # derivative of a corner's place by a length, below which it does not move
 Box = tuple[Any, Any, Any]  # near side, width and height [m]
 OBSTACLE = LimitId(Kind.OBSTACLE, key=BOX_WIDTH, unit="m")
 
@@ -86,16 +86,29 @@ def distance(a: ca.SX, b: ca.SX, begin: Any, width: Any, height: Any, smooth: fl
 
 def _of_outline(leg: MovingLeg, s: Instant, q: ca.SX, shape: Outline, box: Box) -> ca.SX:
     """How far an outline is from a box [m] at a pose q (2 + n), as ``distance``."""
-    dynamics, faces = leg.dynamics(s), shape.faces_down if shape.joint == BODY else shape.faces
+    dynamics, corners = leg.dynamics(s), _corners(leg, s, shape)
+    faces = shape.faces_down if shape.joint == BODY else shape.faces
 
-    def placed(points: Iterable[np.ndarray]) -> list[ca.SX]:
-        return dynamics.places(q, [(shape.joint, (float(x), float(z))) for x, z in points])
+    def placed(points: Iterable[Sequence[Any]]) -> list[ca.SX]:
+        return dynamics.places(q, [(shape.joint, (x, z)) for x, z in points])
 
-    starts = placed([a for a, _ in faces])
-    ends = placed([a + away for a, away in faces])
+    begins = [a.tolist() for a, _ in faces] if shape.joint == BODY else corners
+    starts = placed(begins)
+    ends = placed([[x + away[0], z + away[1]] for (x, z), (_, away) in zip(begins, faces, strict=True)])
     sides = [(a, end - a) for a, end in zip(starts, ends, strict=True)]
-    corners = [shape.corners] * 3 if shape.joint != BODY else [shape.corners[[k]] for k in shape.extremes]
-    return distance_of_polygon([placed(each) for each in corners], sides, box, CORNER_ROUNDING * leg.reach)
+    counted = [corners] * 3 if shape.joint != BODY else [[corners[k]] for k in shape.extremes]
+    return distance_of_polygon([placed(each) for each in counted], sides, box, CORNER_ROUNDING * leg.reach)
+
+
+def _corners(leg: MovingLeg, s: Instant, shape: Outline) -> list[Sequence[Any]]:
+    """Corners x, z [m] of an outline; those that the link's length moves are symbols, for derivatives by it."""
+    if shape.joint == BODY:
+        return shape.corners.tolist()
+    longer = s.p[f"leg.{shape.name}.length"] - leg.design.leg.link[shape.name].length
+    return [
+        [x + dx * longer, z + dz * longer] if abs(dx) + abs(dz) > STILL else [x, z]
+        for (x, z), (dx, dz) in zip(shape.corners.tolist(), shape.by_length.tolist(), strict=True)
+    ]
 
 
 def distance_of_polygon(
