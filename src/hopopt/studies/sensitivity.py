@@ -36,7 +36,7 @@ STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretche
 def sensitivity(solution: Solution) -> list[Influence]:
     """Every entry that the objective depends on, the most rewarding per cent first (entries at 0 last, per unit).
 
-    solution is what ``solve`` or ``read`` returned. Lengths of a leg with shapes are left out: what a radius, an obstacle or a
+    solution is what ``solve`` or ``read`` returned. Lengths of a leg with shapes are left out: what a radius or a
     distance between solids has of them is a number in the program. Raises UsageError where the start pose has no derivative.
     """
     design, unit = solution.design, solution.summary.objective_unit

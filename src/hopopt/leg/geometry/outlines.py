@@ -62,15 +62,13 @@ def outlines(leg: Leg) -> dict[str, Outline]:
         if own and joint == BODY:
             found[name] = Outline(name, joint, *_corners(own, own, ALIKE * leg.length))
         elif own:
-            line = [Solid(name, joint, np.array([np.zeros(3), ends[joint]]), 0.0)]
-            along = [
-                *own[: bool(leg.link[name].radius)],
-                *line,
-            ]  # what the length stretches; shapes stay where they are
+            line = Solid(name, joint, np.array([np.zeros(3), ends[joint]]), 0.0)
+            round_ends = 1 if leg.link[name].radius else 0
+            along, shapes = [*own[:round_ends], line], own[round_ends:]  # shapes stay where they are
             longer = [replace(solid, points=solid.points * (1 + STEP)) for solid in along]
-            now, then = [*own, *line], [*longer, *own[bool(leg.link[name].radius) :]]
+            step = STEP * float(np.linalg.norm(ends[joint]))
             found[name] = Outline(
-                name, joint, *_corners(now, then, ALIKE * leg.length, STEP * float(np.linalg.norm(ends[joint])))
+                name, joint, *_corners([*along, *shapes], [*longer, *shapes], ALIKE * leg.length, step)
             )
     return found
 
