@@ -128,7 +128,7 @@ def test_a_planted_ball_is_avoided_and_costs_height(plan: Solution, tmp_path: Pa
 
 @pytest.mark.slow
 def test_a_box_where_a_leg_comes_down_to_land_is_found_and_avoided(tmp_path: Path) -> None:
-    """A corner of the shank's way in the descent alone; how near the solved hop comes is told by points on its shank."""
+    """The box has a corner where the shank passes in the descent alone. Points on the shank tell how near the solved hop comes."""
     lands = {"hop.stance_duration": [0.03, 0.2], "hop.kind": "landing"}
     bare, half = solved_once(lands), 0.015
     t, knee, foot = swing(bare)

@@ -115,7 +115,7 @@ def housings(leg: Leg, p: Mapping[str, Any]) -> Iterator[tuple[int, int, Any]]:
     the gear's ratio: the entries of D; below zero where the housing turns against the rotor."""
     for k, joint in enumerate(leg.joints):
         between = leg.joint[joint].transmission
-        if between is None or between.motor_on not in leg.links:
+        if between is None or between.motor_on is None or joint not in leg.riding:
             continue
         own = next(at for at in leg.link_joints if at.coordinate == k and not at.follows)
         gear = p[leg.drive(joint, "gear", "ratio")[0]] * (-1 if between.reversed else 1)

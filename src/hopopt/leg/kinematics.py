@@ -74,7 +74,7 @@ def planar(leg: Leg) -> bool:
 
 def can_slip(leg: Leg) -> bool:
     """Whether slipping is simulated for a leg: on x and z guides, every joint turning in their plane by its own drive, without
-    five-bars, motors on the body. Other feet stay, and the friction that this needs is reported."""
+    five-bars, and all motors on the body. Other feet stay, and the friction that this needs is reported."""
     apart = leg.follows or leg.sliding or leg.five_bars or leg.riding
     return planar(leg) and "x" in leg.guides and not apart
 

@@ -194,13 +194,17 @@ class SupplyFigures(Strict):
 
 def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
     """What becomes heat in each joint's drive [J], from the plan's torques and speeds."""
+    return _losses(robot, [without_bends(robot, table) for table in tables.values()])
+
+
+def _losses(robot: Robot, closely: Sequence[Table]) -> dict[str, JointLosses]:
+    """``losses`` of tables without bends."""
     leg, p, found = robot.leg, robot.parameters, dict[str, JointLosses]()
-    closely = {name: without_bends(robot, table) for name, table in tables.items()}
     for k, joint in enumerate(robot.joints):
         gear = Gear.of(leg, joint, p)
         known = leg.supply is not None or all(leg.drive(joint, "motor", entry)[1] is not None for entry in WINDING)
         heat, total = winding_heat(leg, joint, p), np.zeros(3)
-        for table in closely.values():
+        for table in closely:
             w, rate, tau = (each[..., k] for each in at_drives(robot, table))
             motor = table.asked[..., k]
             out, rubbing = tau - rotors(robot)[k] * rate, gear.of_one(1.0)
@@ -264,7 +268,7 @@ def balance(robot: Robot, machine: Machine, phase: str, table: Table) -> Check:
     """Work that the motors give = energy gained, that of springs and rotors too + what gears and springs' damping turn into
     heat, relative to the work done."""
     table = without_bends(robot, table)
-    lost = losses(robot, {phase: table})
+    lost = _losses(robot, [table])
     columns = [np.moveaxis(each, -1, 0) for each in (table.asked, at_drives(robot, table)[0])]
     drawn = sum(over_time(table, tau * w) for tau, w in zip(*columns, strict=True))
     gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])

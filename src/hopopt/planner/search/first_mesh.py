@@ -16,7 +16,7 @@ import numpy as np
 from hopopt.errors import one_line
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.solver.ipopt import NlpSolution
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.ocp.guesses.feasibility import drives_too_weak
 from hopopt.ocp.guesses.initial_guess import posture_guess, stance_guess
 from hopopt.ocp.guesses.posture import Posture
@@ -125,25 +125,22 @@ def posture_starts(hop: Hop, known: Sequence[StartOutcome], until: Deadline = NE
     if hop.objective.name != "clearance" or hop.loops or hop.drive_states.size:
         return []
     posture, outcomes, t = Posture(hop), list[StartOutcome](), first_transcription(hop)
-    best = posture.best()
+    best, lands = posture.best(), hop.design.hop.lands
+    solver = asked_from(hop, None, until) if lands else first_solver(hop, True, until=until)
     for known_hop in distinct(known):
         phases = solution_of(known_hop, t).phases
         ends = phases[FLIGHT].x_end[2 * len(hop.falling) :][: hop.n]
         if until.passed or np.ptp(posture.height(np.array([ends, best]))) < POSTURE_LOSS * hop.reach:
             continue
         began = time.perf_counter()
-        if hop.design.hop.lands:
-            s = folded_at_apex(hop, known_hop, best, until)
-        else:
-            s = first_solver(hop, True, until=until)(posture_guess(hop, phases, best))
+        s = folded_at_apex(solver, known_hop, best) if lands else solver(posture_guess(hop, phases, best))
         outcomes.append(outcome_of(f"{known_hop.name}, folded otherwise", s, time.perf_counter() - began))
     return outcomes
 
 
-def folded_at_apex(hop: Hop, known: StartOutcome, pose: np.ndarray, until: Deadline) -> NlpSolution:
+def folded_at_apex(asked: NlpSolver, known: StartOutcome, pose: np.ndarray) -> NlpSolution:
     """What a hop that lands leads to with its joints led to a pose (n,) [rad] at the apex, and then released: a guess of
     the flight alone falls back to the hop that is known, whose descent and landing it has not."""
-    asked = asked_from(hop, None, until)
     t = asked.transcription
     held = own_bounds(t)
     for side in (held.low_z, held.high_z):
