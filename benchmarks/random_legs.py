@@ -68,6 +68,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
 
 def feasible_legs(count: int, seed: int) -> list[dict[str, Any]]:
     """The first draws that are valid problems and can stand where they begin."""
+    ho.load("paper")  # without it no draw could be read either
     found, rng = [], np.random.default_rng(seed)
     while len(found) < count:
         entries = draw(rng)

@@ -177,6 +177,7 @@ def test_parts_of_the_gap_add_up_and_the_bound_holds() -> None:
     assert found.exit_code == 0
 
 
+@pytest.mark.slow
 def test_the_settled_hop_keeps_all_that_the_ladder_withholds() -> None:
     """So PD's own hop, its landing and its drift among them, is one that the first rung chooses from."""
     typical = made("force_tuck").without_plan["force_tuck"]

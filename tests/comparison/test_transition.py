@@ -87,6 +87,7 @@ def test_a_fast_orbit_takes_two_hops() -> None:
     assert [a.get_text() for a in heights(found).axes[0].get_xticklabels()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("phase", "part", "failed"),
     [
@@ -114,6 +115,7 @@ def test_every_hop_clears_what_is_asked_of_it() -> None:
     assert found.plan.clearances == pytest.approx([0.3, 0.5], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_start_on_the_orbit_does_no_worse_in_one_hop() -> None:
     """The orbit's own hop is one of those that it may choose; and once it may be higher."""
     begin = state_of(orbit())

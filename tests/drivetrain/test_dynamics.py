@@ -75,7 +75,7 @@ def test_its_hop_is_verified_and_obeys_the_law(lagging: Solution) -> None:
     assert np.max(region.use(stance.v[..., BASE + 1], stance.asked[..., 1])) < 1 + 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_it_is_stored_read_and_checked_again(lagging: Solution, tmp_path: Path) -> None:
     stored = read(save(lagging, tmp_path).result_dir or tmp_path)
     assert stored.tables["stance"].drive == pytest.approx(lagging.tables["stance"].drive, abs=0)

@@ -205,6 +205,7 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(
 # ---- a smooth plan -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_smooth_plan_is_as_good_and_its_torques_vary_less(
     hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

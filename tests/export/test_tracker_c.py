@@ -135,8 +135,8 @@ TABLE = {"angle": [-2.2, -1.3, -0.6], "ratio": [1.4, 1.1, 0.7]}
     "law",
     [
         {},
-        {f"{KNEE}.table": TABLE},
-        {f"{KNEE}.four_bar": FOUR_BAR},
+        pytest.param({f"{KNEE}.table": TABLE}, marks=pytest.mark.slow),
+        pytest.param({f"{KNEE}.four_bar": FOUR_BAR}, marks=pytest.mark.slow),
     ],
 )
 def test_c_follows_python_where_lossy_drives_turn_by_belts_and_laws(

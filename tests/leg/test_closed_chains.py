@@ -222,7 +222,7 @@ def test_what_knows_no_closed_chain_says_so_and_simulations_go_by_pinocchio() ->
         build_robot(design.leg, {f"{FIVE_BAR}.rod": 0.2}).mass_matrix(Q)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_rods_that_weigh_cost_height() -> None:
     """The same machine without masses is a belt on the body, 1.1157 m by other equations (docs/transmissions.md)."""
     s = solved_once({FIVE_BAR: PARALLEL | {"crank_mass": 0.08, "rod_mass": 0.25}})

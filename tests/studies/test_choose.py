@@ -262,7 +262,7 @@ def test_a_leg_with_springs_or_rods_drops_no_pair_because_it_cannot_hold_the_sta
         assert candidate.outcome == outcome
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_drives_that_push_through_rods_beside_a_spring_are_chosen(tmp_path: Path) -> None:
     """As high as a solve of the written leg, and the energy of the push is of its drives, whose ratios are written out here."""
     design = changed(load("paper"), RODS_AND_SPRING)

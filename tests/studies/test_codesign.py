@@ -204,7 +204,7 @@ def test_impossible_prices(overrides: dict[str, Any], free: dict[str, Any], coup
         ho.solve(ho.load("paper", overrides), free=free, couple=couple)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_torque_that_weighs_on_the_command_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """The optimum ends within its bounds or says which it is at, and no fixed torque of the law is better."""
     free = ["--free", "leg.motor.max_torque=0.3:2.4", "--free", "leg.body.mass=4.5:7", "--couple", MASS_BY_TORQUE]
@@ -476,7 +476,7 @@ def test_free_points_of_a_table_of_ratios_still_fall() -> None:
         couplings(1.0, 1.0, 1.0, free=(0.5, 1.5))
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_free_points_of_a_table_beat_a_ratio_that_is_one_for_all_angles(tmp_path: Path) -> None:
     """Against the best fixed ratio; the leg that comes out is written, read and verified as any other."""
     table = {"angle": [-2.4, -1.3, -0.15], "ratio": [0.5, 0.35, 0.2]}
