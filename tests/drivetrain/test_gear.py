@@ -77,6 +77,22 @@ def test_driven_joints_move_as_they_are_said_to() -> None:
     np.testing.assert_allclose(motor_torque(gear, tau, w, a, rotor), motor, rtol=1e-10)
 
 
+def test_driven_joints_are_found_where_whole_steps_of_newton_go_to_and_fro() -> None:
+    """The leg in the air, hardly a torque at the teeth of the hip, where the efficiency falls with the torque: found to rounding."""
+    table = "leg.gear.efficiency_table"
+    entries = {
+        f"{table}.speed": [52.4, 104.7, 209.4, 366.5], f"{table}.efficiency": [0.76, 0.71, 0.64, 0.57],
+        f"{table}.torque": [5.0, 20.0, 60.0, 100.0], f"{table}.factor": [0.5, 0.8, 0.97, 1.0], "leg.gear.friction": 2.15,
+    }  # fmt: skip
+    robot = build_robot(load("paper", entries).leg)
+    gear, rotor = gears_of(robot.leg, robot.parameters), robot.rotors
+    response, still = np.array([[3.108, -1.006], [-1.006, 6.938]]), np.array([0.982, 8.773])
+    w = np.array([-5.862, 9.779])
+    for motor in np.stack(np.meshgrid(np.linspace(-30, 30, 31), np.linspace(-30, 30, 31)), -1).reshape(-1, 2):
+        tau = driven_joints(gear, motor, w, still, response, rotor)
+        np.testing.assert_allclose(motor_torque(gear, tau, w, still + response @ tau, rotor), motor, atol=1e-8)
+
+
 def turning_round(robot: Robot) -> Table:
     """An interval of 0.01 s at 3 rad/s, in which the teeth of both gears pass 18 N m at first and -22 N m at last."""
     at, still = NORMALISED_TIMES[:, None], np.zeros((1, 9, 4))

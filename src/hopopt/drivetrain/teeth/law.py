@@ -7,7 +7,7 @@ import numpy as np
 from hopopt.compiled.kernel import kernel
 from hopopt.design import LEAST_EFFICIENCY
 
-MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative
+MOST_STEPS, EXACT = 100, 1e-13  # of Newton's method; relative
 ROUND = (
     0.1  # share of the speed over which losses change their sign, over which a table of efficiencies has its corners
 )
@@ -108,29 +108,56 @@ def each_passed(
 
 
 @kernel
+def each_missing(
+    tau: np.ndarray, motor: np.ndarray, w: np.ndarray, a: np.ndarray, response: np.ndarray, rotor: np.ndarray,
+    eta: np.ndarray, friction: np.ndarray, damping: np.ndarray, slow: np.ndarray, sharp: np.ndarray,
+    pieces: np.ndarray, missing: np.ndarray, slope: np.ndarray,
+) -> float:  # fmt: skip
+    """Writes by how much torques tau (n) [N m] miss what gears pass on, and these gears' slopes, (n) each; the sum of the
+    misses' squares."""
+    n, squares = len(tau), 0.0
+    at_teeth = np.empty(n)
+    for i in range(n):
+        turned = a[i]
+        for j in range(n):
+            turned += response[i, j] * tau[j]
+        at_teeth[i] = motor[i] - rotor[i] * turned
+    passed, slopes = each_passed(at_teeth, w, eta, friction, damping, slow, sharp, pieces)
+    for i in range(n):
+        missing[i], slope[i] = tau[i] - (motor[i] - at_teeth[i]) - passed[i], slopes[i]
+        squares += missing[i] * missing[i]
+    return squares
+
+
+@kernel
 def each_driven(
     motor: np.ndarray, w: np.ndarray, a: np.ndarray, response: np.ndarray, rotor: np.ndarray, eta: np.ndarray,
     friction: np.ndarray, damping: np.ndarray, slow: np.ndarray, sharp: np.ndarray, pieces: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """``driven_joints`` of gear.py, by Newton's method: compiled, as simulations ask for it at every step."""
+    """``driven_joints`` of gear.py, by Newton's method: compiled, as simulations ask for it at every step.
+
+    Steps are halved until they miss by less: whole ones go to and fro where a gear turns from driving to braking.
+    """
     n = len(motor)
-    tau, asked, missing, slopes = motor.copy(), np.empty(n), np.empty(n), np.empty((n, n))
+    tau, missing, slope, slopes = motor.copy(), np.empty(n), np.empty(n), np.empty((n, n))
+    law = (motor, w, a, response, rotor, eta, friction, damping, slow, sharp, pieces)
+    squares = each_missing(tau, *law, missing, slope)
     for _ in range(MOST_STEPS):
-        for i in range(n):
-            asked[i] = a[i]
-            for j in range(n):
-                asked[i] += response[i, j] * tau[j]
-            asked[i] = motor[i] - rotor[i] * asked[i]
-        passed, slope = each_passed(asked, w, eta, friction, damping, slow, sharp, pieces)
         most, greatest = 0.0, 0.0
         for i in range(n):
-            missing[i] = tau[i] - (motor[i] - asked[i]) - passed[i]
             most, greatest = max(most, abs(missing[i])), max(greatest, abs(tau[i]))
             for j in range(n):
                 slopes[i, j] = (i == j) - rotor[i] * (1 - slope[i]) * response[i, j]
         if most <= EXACT * (1.0 + greatest):
             break
-        step = np.linalg.solve(slopes, missing)
-        for i in range(n):
-            tau[i] -= step[i]
+        step, before, share, begun = np.linalg.solve(slopes, missing), squares, 1.0, tau.copy()
+        for _ in range(MOST_HALVINGS):
+            for i in range(n):
+                tau[i] = begun[i] - share * step[i]
+            squares = each_missing(tau, *law, missing, slope)
+            if squares < before:
+                break
+            share /= 2
+        if squares >= before:  # as near as numbers come
+            return begun
     return tau

@@ -32,7 +32,7 @@ CHANGE_PAUSE = 1e-5  # [s] after a change within which no further one is looked 
 FRESH = 1e-9  # [m, m/s or N] of margin below which a mode has just begun
 WITHIN = 1e-12  # [s] to which a change is located
 RESTS = 1e-9  # [m/s] below which a foot that slowed down rests
-NEWTON_STEPS, SETTLED = 20, 1e-12  # of Newton's method; the last one's size, relative
+NEWTON_STEPS, SETTLED = 60, 1e-12  # of Newton's method; the last one's size, relative
 STOP_STEPS = 32  # of a step where a joint touches its end stop: they are stiff
 
 
@@ -49,7 +49,8 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     G (2, 2) [1/kg] of the foot; its velocity (2) [m/s]; power of the motors, lost in the gears, into the stops [W];
     torques (n) [N m] of the motors, behind their gears, and of the joints.
 
-    Gears take their share of what the rotors leave, which depends on how the leg moves in a mode: Newton's method.
+    Gears take their share of what the rotors leave, which depends on how the leg moves in a mode: Newton's method, a step halved
+    while the next would be no shorter, as where a gear turns from driving to braking.
     """
     joints, centres, drift = chain(leg, q, v)
     n = len(q) - 2
@@ -64,6 +65,7 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     M = mass_matrix(leg, q, joints, centres)
     tau, a, c, most = motor.copy(), np.zeros(n), np.zeros(2), 1 if leg.lossless else NEWTON_STEPS
     X, G, velocity = np.zeros((n + 2, 3)), np.zeros((2, 2)), np.zeros(2)
+    begun, ahead_by, share, last = a.copy(), np.zeros(n), 1.0, np.inf
     for _ in range(most):
         forces, mass = -h, M.copy()
         for k in range(n):
@@ -88,7 +90,7 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
                 forces[2 + k] += ahead + stop[k]
         X, c, G, velocity = response(mass, forces, J, drift[n], v)
         fx, fz = contact_force(mode, leg.mu, c, G)
-        step = 0.0
+        step, moves = 0.0, np.empty(n)
         for k in range(n):
             moved = X[2 + k, 0] + fx * X[2 + k, 1] + fz * X[2 + k, 2]
             if leg.turned:
@@ -96,7 +98,12 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
                 for i in range(n):
                     moved += T[k, i] * (X[2 + i, 0] + fx * X[2 + i, 1] + fz * X[2 + i, 2])
             step = max(step, abs(moved - a[k]) / (1 + abs(moved)))
-            a[k] = moved
+            moves[k] = moved
+        if step >= last:
+            share /= 2
+        else:
+            begun, ahead_by, share, last = a, moves - a, 1.0, step
+        a = moves if share == 1 else begun + share * ahead_by
         if step < SETTLED:
             break
     power = np.zeros(3)
