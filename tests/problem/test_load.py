@@ -238,7 +238,7 @@ SENTENCES = [
     (('name = "mine"', 'name = "a b"'), 'name = "a b" is not allowed: text of 1 to 64 letters, digits, _ or -, the first a letter or digit, is needed.'),
     (("[leg.shank]", "[leg.shnk]"), "leg.shnk is not a known key (did you mean shank?): [leg] takes"),
     (('name = "mine"', 'nam = "mine"'), "nam is not a known key (did you mean name?): the top of the file takes name, title,"),
-    (('name = "mine"', 'name = "mine"\nratio = 3'), "ratio is not a known key: the top of the file takes name, title, leg, contact, start, hop, solver, environment, simulation, reserve, control, uncertainty, needs, parameters, catalogue and extends; ratio belongs in [leg.gear]."),
+    (('name = "mine"', 'name = "mine"\nratio = 3'), "ratio is not a known key: the top of the file takes name, title, leg, contact, start, hop, solver, environment, simulation, reserve, control, uncertainty, needs, parameters, supply, catalogue and extends; ratio belongs in [leg.gear]."),
     (("[start]", "[begin]"), "start is missing: add the table [start] with hip_height (legs of two joints) or joint_angles, or begin the file with extends = \"paper\"."),
     (('joints = ["hip", "knee"]', "joints = 3"), 'leg.joints = 3 is not allowed: a list of names, such as ["hip", "knee"], is needed'),
     (("[contact]", "[contact.friction]"), "contact.friction = a table is not allowed: a number from 0 to 10 is needed."),

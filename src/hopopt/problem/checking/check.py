@@ -179,7 +179,7 @@ def _known(loc: Any, tables: Mapping[str, Any]) -> list[str]:
     """The keys of the table at ``loc``."""
     keys = [key for key in (entry_at(loc) or {})["properties"] if loc != ("leg",) or key not in LEG_TABLES]
     if not loc:
-        return [*keys, "catalogue", "extends"]
+        return [*keys, "supply", "catalogue", "extends"]
     if loc == ("leg",):
         keys += [
             *ENTRIES,
