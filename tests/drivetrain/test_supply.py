@@ -22,6 +22,7 @@ from hopopt.ocp.guesses.feasibility import drives_too_weak
 from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.directions.parametric_sensitivity import slopes
+from hopopt.planner.answer.notes import sharper_note
 from hopopt.planner.reserve import reference_of
 from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
@@ -29,7 +30,7 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import changed, load
 from hopopt.sim.mujoco import replay
 from hopopt.verify.drives import losses, supply_figures
-from hopopt.verify.whole_hop import whole_hop_rollout
+from hopopt.verify.whole_hop import Simulated, whole_hop_rollout
 from once import plan_with_reserve, solved_once
 
 V, R_S = 48.0, 0.2
@@ -226,6 +227,14 @@ def test_the_optimum_tells_what_gears_and_supply_are_worth() -> None:
         value = entries[entry]
         slope = (height(entry, 1.001 * value) - height(entry, 0.999 * value)) / (0.002 * value)
         assert told[entry.replace("supply", "leg.supply")][0] == pytest.approx(slope, rel=1e-4), entry
+
+
+def test_a_hop_that_owes_much_to_the_smooth_law_of_its_gears_says_so() -> None:
+    """By more than a hundredth of what the same torques clear with the program's own gears."""
+    (note,) = sharper_note(Simulated(clearance_m=0.97, sharper_gears_m=0.92))
+    assert "clears 0.920 m, 5.2% less" in note
+    assert not sharper_note(Simulated(clearance_m=0.97, sharper_gears_m=0.968))
+    assert not sharper_note(Simulated(clearance_m=0.97))
 
 
 @pytest.mark.slow

@@ -13,11 +13,12 @@ from hopopt.optimality.second_order import Curvature, curvature
 from hopopt.planner.attempts import AT_MOST, CALMER, LARGEST_TIE_BREAK
 from hopopt.planner.solution import Solution, without_tie_break
 from hopopt.problem.checking.hints import hints
+from hopopt.verify.whole_hop import SHARPER, Simulated
 
 SHORTER = (
     2 / 3
 )  # of the range of the stance's duration, which may be tried where the longest leaves refinement unfinished
-LOUD = 0.01  # share of the answer that the tie-break may weigh without a word
+LOUD = 0.01  # share of the answer that the tie-break, or the smooth law of gears, may weigh without a word
 
 
 def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: Solution | None) -> list[str]:
@@ -30,6 +31,7 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
             f"this is the hop with {hop.design.solver.tie_break:g}"
         )
     notes += _waiting(best)
+    notes += sharper_note(best.summary.objective_error.simulated)
     if better is not None:
         value = f"{better.summary.objective_value:.4f} {goal.unit}, {'higher' if goal.sign > 0 else 'lower'}"
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
@@ -71,6 +73,17 @@ def _waiting(best: Solution) -> list[str]:
     return [
         f"stance lasts the {longest:.3g} s that hop.stance_duration allows: where waiting gains little, many hops are equally good and "
         f"refinement may not end; try a shorter one, such as hop.stance_duration = [{shortest:g}, {shorter:.3g}]"
+    ]
+
+
+def sharper_note(simulated: Simulated) -> list[str]:
+    """That a hop loses more than LOUD where its gears change sides more sharply than the program's."""
+    clears, sharper = simulated.clearance_m, simulated.sharper_gears_m
+    if clears is None or sharper is None or clears - sharper <= LOUD * clears:
+        return []
+    return [
+        f"with gears that change sides {SHARPER:g} times as sharply this plan clears {sharper:.3f} m, {1 - sharper / clears:.1%} less: "
+        "its drives, at their limits, do not make up for it (docs/drives.md)"
     ]
 
 
