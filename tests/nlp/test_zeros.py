@@ -1,5 +1,7 @@
 """Edges at zeros of a state, on a mass that sharp friction brakes, against its closed form."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import pytest
 from hopopt.nlp.mesh import PhaseMesh, uniform
 from hopopt.nlp.refinement.mesh_refinement import MET, Refinement
 from hopopt.nlp.refinement.next_mesh import Aims, any_cut, cut, equal
-from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, sharp_states, zeros
+from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
@@ -92,3 +94,12 @@ def test_without_sharp_states_nothing_is_set() -> None:
     problem = there_and_back(0.0)
     assert not sharp_states(problem)
     assert zeros(solved(problem, uniform(7)), "way") == []
+
+
+def test_a_state_that_touches_zero_at_an_edge_and_goes_back_does_not_pass_it() -> None:
+    """Driven to the highest speed forwards, the mass would come to rest at the edge for nothing."""
+    problem, mesh = there_and_back(), PhaseMesh((0.0, 0.2, 0.4, 0.7, 1.0), (2,), (0,))
+    assert keeps_zeros(solved(problem, mesh))
+    forwards = replace(problem, objective=Objective("speed", lambda e: -e.final["way"].v))
+    assert not keeps_zeros(solved(forwards, mesh))
+    assert keeps_zeros(solved(forwards, uniform(4)))

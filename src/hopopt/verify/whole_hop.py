@@ -168,12 +168,14 @@ def whole_hop_rollout(
     if ends == "required clearance":
         shares["clearance asked for"] = float((design.hop.clearance or 0.0) - values["clearance_m"]) / reach(design.leg)
     limit = max(shares, key=lambda key: shares[key])
-    with_sharper = _sharper(machine, drives, tables) if sharper else None
+    with_sharper = with_sharper_gears(design, tables) if sharper else None
     return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit, with_sharper)
 
 
-def _sharper(machine: Machine, drives: Drives, tables: Mapping[str, Table]) -> float | None:
+def with_sharper_gears(design: Design, tables: Mapping[str, Table]) -> float | None:
     """Clearance [m] of the hop with gears that change sides more sharply; None where they lose nothing, or that fails."""
+    robot = build_robot(design.leg)
+    machine, drives = Machine(robot), Drives.of(robot)
     if drives.gear is None or drives.states.sprung:
         return None
     gear = replace(drives.gear, slow=drives.gear.slow / SHARPER, sharp=drives.gear.sharp / SHARPER)

@@ -5,7 +5,8 @@ the nodes on the next mesh (nlp/refinement/continuous_limits.py). What still pas
 kinks of their own have accurate states first and limits tightened on the settled mesh. Where a control or a least
 number only bounds something from above, hulls make such kinks cost more. Schemes that collocate both ends of an interval,
 whose controls oscillate, hardly converge within them. Where states have sharp zeros, meshes have free edges there
-(nlp/refinement/zeros.py); the last has none, and is solved as any other. Where that fails it begins again without.
+(nlp/refinement/zeros.py); the last has none, and is solved as any other. Where that fails, or a state only touches zero
+there, it begins again without.
 """
 
 import time
@@ -45,7 +46,7 @@ from hopopt.nlp.refinement.next_mesh import (
 )
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
-from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, sharp_states, zeros
+from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
 from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
@@ -65,6 +66,7 @@ TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
 NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
 OUT_OF_TIME = "the time limit was reached"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
+ASTRAY = "an edge at a zero led to a hop without that zero"
 
 
 class Refinement:
@@ -110,7 +112,7 @@ class Refinement:
         self._at_zeros = False
         if self._with_zeros:
             self.ended = self._solve_on(uncut(self._measured)) or self._enforcing() or USED_UP
-        if at_zeros and self.ended in (UNSOLVED, WORSE):
+        if at_zeros and self.ended in (UNSOLVED, WORSE, ASTRAY):
             self._begin()
             self.ended = self._enforcing() or USED_UP
         return self
@@ -213,6 +215,9 @@ class Refinement:
                 self._enforced = {name: on & ~unneeded[name] for name, on in self._enforced.items()}
                 return self._solve_on(cuts)
             return OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
+        if self._at_zeros and not keeps_zeros(found):
+            self._enforced, self._tightened, self._answered = before
+            return ASTRAY
         self._accept(enforced.at_nodes(found), built - began, time.perf_counter() - built)
         return ""
 

@@ -18,6 +18,7 @@ from hopopt.ocp.problem import Problem
 
 SAMPLES = 33  # in each interval, where zeros are looked for
 BEYOND = 2.0  # times the range of the sharp change, which a state must leave on both sides
+LINGERS = 2 * BEYOND  # widths within which a zero is that of an edge: it takes as long through its range
 APART = 0.01  # share of the phase: nearer to another, or to an end, a zero's edge is not free
 GRADES = (0.0, 1.0, 2.0, 4.0, 8.0)  # edges beside a zero, by how long the state takes through the range
 LONG = 1.5  # times as long as it is to be: a longer interval is cut
@@ -65,6 +66,19 @@ def _passed(t: np.ndarray, x: np.ndarray, component: int, sharp: float) -> Itera
         at = ts[last] - xs[last] / rise * (ts[last + 1] - ts[last])
         slope = (xs[-1] - xs[0]) / max(ts[-1] - ts[0], 1e-300)
         yield Zero(float(at), component, float(sharp / slope))
+
+
+def keeps_zeros(solution: NlpSolution) -> bool:
+    """Whether states pass zero at all edges that are free for that. One that touches zero there and goes back is of another,
+    worse optimum, which finer meshes do not leave."""
+    for name, mesh in solution.transcription.mesh.items():
+        if not mesh.zeros:
+            continue
+        places, found = solution.phases[name].edges / solution.phases[name].duration, zeros(solution, name)
+        for k, component in zip(mesh.free, mesh.zeros, strict=True):
+            if not any(z.component == component and abs(z.place - places[k]) <= LINGERS * z.width for z in found):
+                return False
+    return True
 
 
 def cut_at_zeros(p: PhaseTrajectory, normalised_times: list[np.ndarray], passed: Sequence[Zero]) -> list[np.ndarray]:

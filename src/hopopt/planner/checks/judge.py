@@ -5,6 +5,7 @@ use, and the whole hop simulated in one piece. The certificate of first-order op
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from hopopt.design import Design
 from hopopt.design.parameters import own_numbers
@@ -23,7 +24,7 @@ from hopopt.planner.motion import Motion
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.verify.check import KKT, Check
 from hopopt.verify.plan import verify_plan
-from hopopt.verify.whole_hop import Simulated, left_out, not_simulated, whole_hop_rollout
+from hopopt.verify.whole_hop import Simulated, left_out, not_simulated, whole_hop_rollout, with_sharper_gears
 
 
 def judge(
@@ -35,6 +36,7 @@ def judge(
     errors: Mapping[str, IntervalErrors],
     change: float,
     clock: Stopwatch | None = None,
+    sharper: bool = True,
 ) -> Verdict:
     """The verdict on a plan.
 
@@ -45,17 +47,28 @@ def judge(
     errors: local errors of every interval, by phase
     change: of the objective with the last mesh, relative
     clock: told how long verification and certificate took
+    sharper: whether the hop is simulated with sharper gears too; ``with_sharper`` adds what was left out
     """
     clock, estimate = clock or Stopwatch(), objective_error(solution)
     checks = numerical_checks(plan.design, solution, errors, change, estimate)
     checks += plan_checks(plan, goal, constraints, claims)
     checks += program_limits(solution, errors, {check.name for check in checks})
-    rollout, error = stated_error(plan, solution, goal, estimate, claims)
+    rollout, error = stated_error(plan, solution, goal, estimate, claims, sharper)
     clock.mark("verification")
     certificate = certify(solution)
     error = error.beside(certificate, solution)
     clock.mark("certificate")
     return Verdict((*checks, *rollout), error, certificate.checks, multipliers_of(certificate))
+
+
+def with_sharper(plan: Motion, verdict: Verdict) -> Verdict:
+    """The verdict with what sharper gears make of the plan's hop, where it was simulated and they were left out: it decides
+    nothing, so that only the answer needs it."""
+    error = verdict.error
+    if error is None or error.simulated.clearance_m is None:
+        return verdict
+    simulated = replace(error.simulated, sharper_gears_m=with_sharper_gears(plan.design, plan.tables))
+    return replace(verdict, error=replace(error, simulated=simulated))
 
 
 def plan_checks(
@@ -108,10 +121,12 @@ def simulated_in_one_piece(
 
 
 def stated_error(
-    plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float]
-) -> tuple[list[Check], StatedError]:
-    """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name."""
-    checks, simulated = simulated_in_one_piece(plan, goal, estimate.size, claims)
+    plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float],
+    sharper: bool = True,
+) -> tuple[list[Check], StatedError]:  # fmt: skip
+    """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name; ``sharper``: whether it
+    is simulated with sharper gears too."""
+    checks, simulated = simulated_in_one_piece(plan, goal, estimate.size, claims, sharper)
     short = simulated.short_by or 0.0 if simulated.followed else 0.0
     largest, relaxed = max(estimate.too_high_by, short), Relaxed(tightening_cost(solution) * solution.magnitude)
     return checks, StatedError(largest, largest / estimate.size, estimate, simulated, relaxed, could_be_beaten_by=None)
