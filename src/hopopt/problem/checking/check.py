@@ -9,14 +9,10 @@ from hopopt import extensions
 from hopopt.design import Design, Leg
 from hopopt.design.geometry.link_joint import unit_along
 from hopopt.design.names import names_in
-from hopopt.problem.checking.drive_rules import (
-    drive_rules,
-    heat_rules,
-    loss_rules,
-    series_rules,
-    spring_rules,
-    transmission_rules,
-)  # fmt: skip
+from hopopt.problem.checking.drives.gears import loss_rules
+from hopopt.problem.checking.drives.motors import drive_rules, heat_rules
+from hopopt.problem.checking.drives.springs import series_rules, spring_rules
+from hopopt.problem.checking.drives.transmissions import transmission_rules
 from hopopt.problem.checking.entries import entry_at, homes, unit_of, words_of
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import entry_rules, start_rules, stated_once
