@@ -13,7 +13,7 @@ from hopopt.control.closed_loop import Run, clearance_in_mujoco, longest, make_c
 from hopopt.control.strategies import find
 from hopopt.design import Leg
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.gear import Gear
+from hopopt.drivetrain.gear import Gear, gears_of, motor_torque
 from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
@@ -69,6 +69,30 @@ def standing(plant: RoughGround, q_j: np.ndarray, slip: int = 0, speed: float = 
 def test_compiled_dynamics_are_pinocchios(case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray]) -> None:
     """Acceleration in flight and with the foot held, for any leg of two joints in the plane."""
     dynamics_are_pinocchios(*case)
+
+
+@pytest.mark.parametrize("mode", [contact.FLIGHT, contact.STICK, contact.FORWARD])
+def test_gears_pass_on_what_their_law_says_where_they_turn_from_driving_to_braking(mode: int) -> None:
+    """Where the efficiency falls with the torque, and steps of Newton's method go to and fro: in Pinocchio the leg speeds up so
+    that the motors' torques, with what rotors and gears take, are those that were given."""
+    table = "leg.gear.efficiency_table"
+    entries = {
+        f"{table}.speed": [52.4, 104.7, 209.4, 366.5], f"{table}.efficiency": [0.76, 0.71, 0.64, 0.57],
+        f"{table}.torque": [5.0, 20.0, 60.0, 100.0], f"{table}.factor": [0.5, 0.8, 0.97, 1.0], "leg.gear.friction": 2.15,
+    }  # fmt: skip
+    leg = load("paper", entries).leg
+    gear = gears_of(leg, build_robot(leg).parameters)
+    plant = on_ground(leg, 0.5, gear=gear)
+    machine, c = Machine(plant.robot), planar.planar_leg(plant.robot, plant.drive, plant.stops, set(), 0.5)
+    q, v = np.array([0.0, 0.6, 0.4, -1.2]), np.array([0.0, 0.3, -5.862, 9.779])
+    for command in np.stack(np.meshgrid(np.linspace(-30, 30, 16), np.linspace(-30, 30, 16)), -1).reshape(-1, 2):
+        X, at_foot, G, _, _, motor, tau = contact.loads(c, mode, q, v, command)
+        force = np.array(contact.contact_force(mode, 0.5, at_foot, G))
+        J = machine.foot_jacobian(q)
+        free = machine.acceleration(q, v, tau, contact=False)
+        a = free + np.linalg.solve(machine.mass_matrix(q), J.T @ force)
+        np.testing.assert_allclose(X @ [1.0, *force], a, atol=1e-8 * np.abs(a).max())
+        np.testing.assert_allclose(motor_torque(gear, tau, v[2:], a[2:], plant.robot.rotors), motor, atol=1e-8)
 
 
 @pytest.mark.slow

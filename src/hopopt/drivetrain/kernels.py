@@ -20,7 +20,7 @@ MOST_PARTS = 64  # of a step where gears rub
 within, capped = kernel(half_planes.within), kernel(half_planes.capped)
 passed_torque, share_at = kernel(law.passed_torque), kernel(supply.share_at)
 efficiency_at, spring_torque = kernel(law.efficiency_at), kernel(springs.torque_at)
-factor_of, passed_by_torque = law.factor_of, law.passed_by_torque
+factor_of, passed_by_torque, each_driven = law.factor_of, law.passed_by_torque, law.each_driven
 
 
 @kernel
@@ -93,6 +93,20 @@ def passed(drive: Any, k: int, torque: float, w: float) -> tuple[float, float]:
     if drive.by_torque:
         return passed_by_torque(torque, w, eta, friction, damping, slow, sharp, drive.factor[k])
     return passed_torque(torque, w, eta, friction, damping, slow, sharp)
+
+
+@kernel
+def driven_through_gears(
+    drive: Any, motor: np.ndarray, w: np.ndarray, a: np.ndarray, response: np.ndarray, rotor: np.ndarray
+) -> np.ndarray:
+    """``gear.driven_joints``: the torques (n) [N m] that gears pass on as the leg moves by them."""
+    eta = drive.efficiency.copy()
+    if drive.by_speed:
+        for k in range(len(w)):
+            eta[k] = efficiency_at(w[k], eta[k], drive.knots[k], drive.bends[k], drive.slow[k])
+    return each_driven(
+        motor, w, a, response, rotor, eta, drive.friction, drive.damping, drive.slow, drive.sharp, drive.factor
+    )
 
 
 @kernel

@@ -32,7 +32,6 @@ CHANGE_PAUSE = 1e-5  # [s] after a change within which no further one is looked 
 FRESH = 1e-9  # [m, m/s or N] of margin below which a mode has just begun
 WITHIN = 1e-12  # [s] to which a change is located
 RESTS = 1e-9  # [m/s] below which a foot that slowed down rests
-NEWTON_STEPS, SETTLED = 60, 1e-12  # of Newton's method; the last one's size, relative
 STOP_STEPS = 32  # of a step where a joint touches its end stop: they are stiff
 
 
@@ -44,13 +43,48 @@ def given(leg: Any, T: np.ndarray, w: np.ndarray, command: np.ndarray) -> np.nda
 
 
 @kernel
+def turned_by(
+    leg: Any, mode: int, T: np.ndarray, late: np.ndarray, w: np.ndarray, motor: np.ndarray, others: np.ndarray,
+    M: np.ndarray, J: np.ndarray, drift: np.ndarray, v: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Accelerations (n) [rad/s^2] of the drives in a mode, in which they are affine in the torques that gears pass on.
+
+    others (n + 2): all forces but these; drift (2): as of ``response``; the rest as in ``loads``.
+    """
+    n = len(w)
+    B = np.zeros((n + 2, n + 3))  # without torques, with a unit of each, and by unit forces at the foot
+    for k in range(n + 2):
+        B[k, 0], B[k, n + 1], B[k, n + 2] = others[k], J[0, k], J[1, k]
+    for i in range(n):
+        if leg.turned:
+            for k in range(n):
+                B[2 + k, 1 + i] = T[i, k]
+        else:
+            B[2 + i, 1 + i] = 1.0
+    X = solved(M.copy(), B)
+    _, G = of_foot(J, v, X[:, n + 1 :])
+    found, joints = np.zeros((n + 1, n)), np.zeros(n)
+    for i in range(n + 1):
+        c = drift.copy() if i == 0 else np.zeros(2)
+        for k in range(n + 2):
+            c[0] += J[0, k] * X[k, i]
+            c[1] += J[1, k] * X[k, i]
+        fx, fz = contact_force(mode, leg.mu, c, G)
+        for k in range(n):
+            joints[k] = X[2 + k, i] + fx * X[2 + k, n + 1] + fz * X[2 + k, n + 2]
+        found[i] = drives.drive_speeds(T, joints) if leg.turned else joints
+    still, by_unit = found[0] + late if leg.turned else found[0], found[1:].T.copy()
+    tau = drives.driven_through_gears(leg, motor, w, still, by_unit, leg.armature)
+    return still + drives.drive_speeds(by_unit, tau)
+
+
+@kernel
 def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[Any, ...]:
     """Accelerations without contact, and by unit forces along x and z at the foot, (n + 2, 3); c (2) [m/s^2] and
     G (2, 2) [1/kg] of the foot; its velocity (2) [m/s]; power of the motors, lost in the gears, into the stops [W];
     torques (n) [N m] of the motors, behind their gears, and of the joints.
 
-    Gears take their share of what the rotors leave, which depends on how the leg moves in a mode: Newton's method, a step halved
-    while the next would be no shorter, as where a gear turns from driving to braking.
+    Gears take their share of what the rotors leave, which depends on how the leg moves in a mode.
     """
     joints, centres, drift = chain(leg, q, v)
     n = len(q) - 2
@@ -61,51 +95,28 @@ def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
         w = drives.drive_speeds(T, v[2:])
     motor = given(leg, T, w, command)
     stop = stops.torque(q[2:], v[2:], leg.stop_lower, leg.stop_upper, leg.stiffness, leg.loss)
-    h = bias(leg, q, v, joints, centres, drift)
-    M = mass_matrix(leg, q, joints, centres)
-    tau, a, c, most = motor.copy(), np.zeros(n), np.zeros(2), 1 if leg.lossless else NEWTON_STEPS
-    X, G, velocity = np.zeros((n + 2, 3)), np.zeros((2, 2)), np.zeros(2)
-    begun, ahead_by, share, last = a.copy(), np.zeros(n), 1.0, np.inf
-    for _ in range(most):
-        forces, mass = -h, M.copy()
-        for k in range(n):
-            ahead = motor[k]
-            if not leg.lossless:
-                rotor = leg.armature[k]
-                out, slope = drives.passed(leg, k, motor[k] - rotor * a[k], w[k])
-                ahead = out + slope * rotor * a[k]
-                tau[k] = out + rotor * a[k]
-                if leg.turned:
-                    ahead += (1 - slope) * rotor * late[k]
-                    for i in range(n):
-                        for j in range(n):
-                            mass[2 + i, 2 + j] -= (1 - slope) * rotor * T[k, i] * T[k, j]
-                else:
-                    mass[2 + k, 2 + k] -= (1 - slope) * rotor
+    M, forces = mass_matrix(leg, q, joints, centres), -bias(leg, q, v, joints, centres, drift)
+    for k in range(n):
+        forces[2 + k] += stop[k]
+    tau, ahead = motor.copy(), motor.copy()
+    if not leg.lossless:
+        a = turned_by(leg, mode, T, late, w, motor, forces, M, J, drift[n], v)
+        for k in range(n):  # M and forces of gears that are linear about there
+            rotor = leg.armature[k]
+            out, slope = drives.passed(leg, k, motor[k] - rotor * a[k], w[k])
+            ahead[k] = out + slope * rotor * a[k]
+            tau[k] = out + rotor * a[k]
             if leg.turned:
+                ahead[k] += (1 - slope) * rotor * late[k]
                 for i in range(n):
-                    forces[2 + i] += T[k, i] * ahead
-                forces[2 + k] += stop[k]
+                    for j in range(n):
+                        M[2 + i, 2 + j] -= (1 - slope) * rotor * T[k, i] * T[k, j]
             else:
-                forces[2 + k] += ahead + stop[k]
-        X, c, G, velocity = response(mass, forces, J, drift[n], v)
-        fx, fz = contact_force(mode, leg.mu, c, G)
-        step, moves = 0.0, np.empty(n)
-        for k in range(n):
-            moved = X[2 + k, 0] + fx * X[2 + k, 1] + fz * X[2 + k, 2]
-            if leg.turned:
-                moved = late[k]
-                for i in range(n):
-                    moved += T[k, i] * (X[2 + i, 0] + fx * X[2 + i, 1] + fz * X[2 + i, 2])
-            step = max(step, abs(moved - a[k]) / (1 + abs(moved)))
-            moves[k] = moved
-        if step >= last:
-            share /= 2
-        else:
-            begun, ahead_by, share, last = a, moves - a, 1.0, step
-        a = moves if share == 1 else begun + share * ahead_by
-        if step < SETTLED:
-            break
+                M[2 + k, 2 + k] -= (1 - slope) * rotor
+    at_joints = drives.joint_torques(T, ahead) if leg.turned else ahead
+    for k in range(n):
+        forces[2 + k] += at_joints[k]
+    X, c, G, velocity = response(M, forces, J, drift[n], v)
     power = np.zeros(3)
     for k in range(n):
         power[0] += motor[k] * w[k]
