@@ -79,8 +79,8 @@ def test_a_point_whose_simulated_hop_fails_is_not_verified(monkeypatch: pytest.M
     """Planted: the hop simulated in one piece falls short, which a study's point did not look at before."""
     short = Check("simulated in one piece", 1e-2, 1e-4, "relative")
 
-    def planted(*given: object, **named: object) -> Verdict:
-        return judge(*given, **named).with_checks([short])  # type: ignore[arg-type]
+    def planted(*given: object) -> Verdict:
+        return judge(*given).with_checks([short])  # type: ignore[arg-type]
 
     monkeypatch.setattr(road, "judge", planted)
     definition = define(load("paper", {"solver.refine": False}), {"leg.gear.ratio": [80, 90]}, starts=1)

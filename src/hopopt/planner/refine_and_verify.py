@@ -14,7 +14,7 @@ from hopopt.ocp.objectives.objective import HEIGHT_FIGURES
 from hopopt.optimality.certificate import certify, unresolved
 from hopopt.optimality.minimum_principle.free_switches import Resolved
 from hopopt.planner.attempts import EXCESS_MARGIN, REFINEMENT, Attempt, AttemptOutcome, tried_again
-from hopopt.planner.checks.judge import judge, with_sharper
+from hopopt.planner.checks.judge import judge, with_sharper_gears
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.motion import Motion
 from hopopt.planner.search.calm_first import calmest, uncalmed
@@ -127,13 +127,13 @@ def judged(hop: Hop, refined: Refined, clock: Stopwatch | None = None) -> Answer
     stated, own = stated_figure(hop, solution), (goal if goal.is_function else None, hop.constraints)
     plan = Motion(hop.design, goal.name, solution.phases, stated=stated, own=own)
     claims = {**plan.claims(), **stated}
-    verdict = judge(plan, solution, goal, hop.own, claims, refined.errors, refined.change, clock, sharper=False)
+    verdict = judge(plan, solution, goal, hop.own, claims, refined.errors, refined.change, clock)
     return Answer(hop, refined, plan, claims, verdict)
 
 
 def summed_up(answer: Answer, outcomes: Sequence[StartOutcome], outcome: StartOutcome, clock: Stopwatch) -> Solution:
     """An answer with every figure that is printed of it."""
-    verdict = with_sharper(answer.plan, answer.verdict)
+    verdict = with_sharper_gears(answer.plan, answer.verdict)
     return summarize(answer.hop, answer.plan, answer.refined, verdict, outcomes, outcome, clock)
 
 

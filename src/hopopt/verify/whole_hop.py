@@ -59,15 +59,12 @@ class WholeHopRollout:
     strayed: how far it strayed from the plan [rad; m, m/s, rad/s on the paper's leg, a similar leg's in its own units]
     passed: the largest share of its range by which it passed a limit
     limit: which limit that was
-    sharper: clearance [m] with gears that change from driving to braking and from one way to the other SHARPER times as
-    sharply, if they lose anything: by how much it differs is what the hop owes to their smooth law
     """
 
     values: Mapping[str, float]
     strayed: float
     passed: float
     limit: str
-    sharper: float | None = None
 
     @property
     def followed(self) -> bool:
@@ -107,7 +104,6 @@ class WholeHopRollout:
         if not np.isfinite(self.strayed):
             return Simulated(followed=False, note=self.note)
         reported = {"strayed": self.strayed, "passed": self.passed, "limit": self.limit, "note": self.note or None}
-        reported |= {"sharper_gears_m": self.sharper}
         return Simulated(**self.values, **reported, followed=self.followed, short_by=self.short(figure, claim, sign))
 
 
@@ -131,10 +127,8 @@ def whole_hop_rollout(
     tables: Mapping[str, Table],
     figure: str = "clearance_m",
     ends: str = "window",
-    sharper: bool = True,
 ) -> WholeHopRollout:
-    """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``; ``sharper``: with sharper
-    gears too."""
+    """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``."""
     robot = build_robot(design.leg)
     machine = Machine(robot)
     drives = Drives.of(robot)
@@ -168,12 +162,12 @@ def whole_hop_rollout(
     if ends == "required clearance":
         shares["clearance asked for"] = float((design.hop.clearance or 0.0) - values["clearance_m"]) / reach(design.leg)
     limit = max(shares, key=lambda key: shares[key])
-    with_sharper = with_sharper_gears(design, tables) if sharper else None
-    return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit, with_sharper)
+    return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit)
 
 
-def with_sharper_gears(design: Design, tables: Mapping[str, Table]) -> float | None:
-    """Clearance [m] of the hop with gears that change sides more sharply; None where they lose nothing, or that fails."""
+def sharper_gears_clearance(design: Design, tables: Mapping[str, Table]) -> float | None:
+    """Clearance [m] of the hop with gears that change from driving to braking, and from one way to the other, SHARPER times as
+    sharply: by how much it differs is what the hop owes to their smooth law. None where they lose nothing, or that fails."""
     robot = build_robot(design.leg)
     machine, drives = Machine(robot), Drives.of(robot)
     if drives.gear is None or drives.states.sprung:

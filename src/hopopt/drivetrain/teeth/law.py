@@ -11,7 +11,10 @@ MOST_STEPS, EXACT = 100, 1e-13  # of Newton's method; relative
 ROUND = (
     0.1  # share of the speed over which losses change their sign, over which a table of efficiencies has its corners
 )
-MOST_HALVINGS, ROUNDED = 60, 1e-15  # of the torque through a gear whose efficiency depends on it; of its greatest
+MOST_HALVINGS, ROUNDED = (
+    60,
+    1e-15,
+)  # of a step of it; of the greatest torque through a gear whose efficiency depends on it
 
 
 def teeth_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> Any:

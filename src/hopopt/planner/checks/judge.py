@@ -24,7 +24,7 @@ from hopopt.planner.motion import Motion
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.verify.check import KKT, Check
 from hopopt.verify.plan import verify_plan
-from hopopt.verify.whole_hop import Simulated, left_out, not_simulated, whole_hop_rollout, with_sharper_gears
+from hopopt.verify.whole_hop import Simulated, left_out, not_simulated, sharper_gears_clearance, whole_hop_rollout
 
 
 def judge(
@@ -36,9 +36,8 @@ def judge(
     errors: Mapping[str, IntervalErrors],
     change: float,
     clock: Stopwatch | None = None,
-    sharper: bool = True,
 ) -> Verdict:
-    """The verdict on a plan.
+    """The verdict on a plan; ``with_sharper_gears`` adds what an answer tells beside it.
 
     plan: its motion and tables
     solution: of the nonlinear program that it comes from, with multipliers
@@ -47,13 +46,12 @@ def judge(
     errors: local errors of every interval, by phase
     change: of the objective with the last mesh, relative
     clock: told how long verification and certificate took
-    sharper: whether the hop is simulated with sharper gears too; ``with_sharper`` adds what was left out
     """
     clock, estimate = clock or Stopwatch(), objective_error(solution)
     checks = numerical_checks(plan.design, solution, errors, change, estimate)
     checks += plan_checks(plan, goal, constraints, claims)
     checks += program_limits(solution, errors, {check.name for check in checks})
-    rollout, error = stated_error(plan, solution, goal, estimate, claims, sharper)
+    rollout, error = stated_error(plan, solution, goal, estimate, claims)
     clock.mark("verification")
     certificate = certify(solution)
     error = error.beside(certificate, solution)
@@ -61,13 +59,13 @@ def judge(
     return Verdict((*checks, *rollout), error, certificate.checks, multipliers_of(certificate))
 
 
-def with_sharper(plan: Motion, verdict: Verdict) -> Verdict:
-    """The verdict with what sharper gears make of the plan's hop, where it was simulated and they were left out: it decides
-    nothing, so that only the answer needs it."""
+def with_sharper_gears(plan: Motion, verdict: Verdict) -> Verdict:
+    """The verdict with what sharper gears make of the plan's hop, where it was simulated: it decides nothing, so that only the
+    answer needs it."""
     error = verdict.error
     if error is None or error.simulated.clearance_m is None:
         return verdict
-    simulated = replace(error.simulated, sharper_gears_m=with_sharper_gears(plan.design, plan.tables))
+    simulated = replace(error.simulated, sharper_gears_m=sharper_gears_clearance(plan.design, plan.tables))
     return replace(verdict, error=replace(error, simulated=simulated))
 
 
@@ -107,26 +105,24 @@ def local_error(design: Design, errors: Mapping[str, IntervalErrors]) -> Check:
 
 
 def simulated_in_one_piece(
-    plan: Motion, goal: HopObjective, size: float, claims: Mapping[str, float], sharper: bool = True
+    plan: Motion, goal: HopObjective, size: float, claims: Mapping[str, float]
 ) -> tuple[list[Check], Simulated]:
     """Checks of the hop simulated in one piece, and what is stated of that.
 
-    size: of the objective [its unit]; claims: what is stated, by name; sharper: whether it is simulated with sharper gears too
+    size: of the objective [its unit]; claims: what is stated, by name
     """
     if note := not_simulated(plan.design):
         return left_out(note), Simulated(note=note)
     claim = (goal.figure, claims[goal.figure], goal.sign)
-    found = whole_hop_rollout(plan.design, plan.tables, goal.figure, goal.ends, sharper)
+    found = whole_hop_rollout(plan.design, plan.tables, goal.figure, goal.ends)
     return found.checks(*claim, size), found.beside(*claim)
 
 
 def stated_error(
-    plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float],
-    sharper: bool = True,
-) -> tuple[list[Check], StatedError]:  # fmt: skip
-    """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name; ``sharper``: whether it
-    is simulated with sharper gears too."""
-    checks, simulated = simulated_in_one_piece(plan, goal, estimate.size, claims, sharper)
+    plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float]
+) -> tuple[list[Check], StatedError]:
+    """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name."""
+    checks, simulated = simulated_in_one_piece(plan, goal, estimate.size, claims)
     short = simulated.short_by or 0.0 if simulated.followed else 0.0
     largest, relaxed = max(estimate.too_high_by, short), Relaxed(tightening_cost(solution) * solution.magnitude)
     return checks, StatedError(largest, largest / estimate.size, estimate, simulated, relaxed, could_be_beaten_by=None)

@@ -87,7 +87,7 @@ def smooth_plan(solution: Solution, until: Deadline = NEVER) -> SmoothPlan:
     stated = stated_figure(hop, found)
     plan = replace(Motion(hop.design, goal.name, found.phases, stated=stated), own=solution.own)
     claims = {**plan.claims(), **stated}
-    rollout, _ = simulated_in_one_piece(plan, goal, found.magnitude, claims, sharper=False)
+    rollout, _ = simulated_in_one_piece(plan, goal, found.magnitude, claims)
     errors = {name: interval_errors(found, name) for name in found.phases}
     checks = [local_error(hop.design, errors), *plan_checks(plan, goal, hop.own, claims)]
     checks += [*program_limits(found, errors, {check.name for check in checks}), *rollout]

@@ -15,7 +15,7 @@ from hopopt.optimality.second_order import Curvature
 from hopopt.planner.answer.extras import CoDesign
 from hopopt.planner.answer.notes import second_order
 from hopopt.planner.answer.summary import VERSION
-from hopopt.planner.checks.judge import judge, plan_checks
+from hopopt.planner.checks.judge import judge, plan_checks, with_sharper_gears
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.solution import Solution, has_multipliers, hop_of, own_functions, stored_nlp
 from hopopt.storage.folder import fitting
@@ -55,7 +55,9 @@ def _recheck(solution: Solution) -> Verdict:
         return Verdict(checks, of_file=(*of_file, motion_check(solution)))
     hop, nlp, program, errors = stored_program(solution)
     change = solution.summary.check("change of the objective").residual
-    found = judge(solution, program, goal, own, claims, errors, change).with_checks(co_design)
+    found = with_sharper_gears(solution, judge(solution, program, goal, own, claims, errors, change)).with_checks(
+        co_design
+    )
     of_file += [
         _same_program(solution, nlp),
         _same_limits(nlp),

@@ -10,7 +10,7 @@ from hopopt.errors import ResultError
 from hopopt.nlp.refinement.mesh_step import change_of
 from hopopt.planner.answer.program_figures import FigureSource, figures
 from hopopt.planner.answer.summary import VERSION
-from hopopt.planner.checks.judge import judge
+from hopopt.planner.checks.judge import judge, with_sharper_gears
 from hopopt.planner.refine_and_verify import stated_figure
 from hopopt.planner.solution import Solution, own_functions
 from hopopt.storage.folder import fitting
@@ -53,7 +53,7 @@ def _computed_again(solution: Solution) -> tuple[Solution, set[str]]:
     change = change_of([(m.intervals, m.objective, m.drawn_in) for m in s.mesh], program.least)
     change = s.check("change of the objective").residual if searched else change
     verdict = judge(plan, program, goal, constraints, {**plan.claims(), **plan.stated}, errors, change)
-    verdict = verdict.with_checks(co_design_checks(goal, program.value, s.codesign))
+    verdict = with_sharper_gears(plan, verdict).with_checks(co_design_checks(goal, program.value, s.codesign))
     entries = figures(FigureSource(hop, plan, program, verdict))
     for name in ("structure", "exit_code", *(["verification"] if searched else [])):
         del entries[name]
