@@ -62,20 +62,33 @@ def turned_by(
         else:
             B[2 + i, 1 + i] = 1.0
     X = solved(M.copy(), B)
-    _, G = of_foot(J, v, X[:, n + 1 :])
-    found, joints = np.zeros((n + 1, n)), np.zeros(n)
+    X_foot, c, still, by_unit = np.zeros((n + 2, 2)), np.zeros(2), np.zeros(n), np.zeros((n, n))
+    for k in range(n + 2):  # by loops: slices and sums of arrays take numba seconds
+        X_foot[k, 0], X_foot[k, 1] = X[k, n + 1], X[k, n + 2]
+    _, G = of_foot(J, v, X_foot)
     for i in range(n + 1):
-        c = drift.copy() if i == 0 else np.zeros(2)
-        for k in range(n + 2):
-            c[0] += J[0, k] * X[k, i]
-            c[1] += J[1, k] * X[k, i]
+        for j in range(2):
+            c[j] = drift[j] if i == 0 else 0.0
+            for k in range(n + 2):
+                c[j] += J[j, k] * X[k, i]
         fx, fz = contact_force(mode, leg.mu, c, G)
         for k in range(n):
-            joints[k] = X[2 + k, i] + fx * X[2 + k, n + 1] + fz * X[2 + k, n + 2]
-        found[i] = drives.drive_speeds(T, joints) if leg.turned else joints
-    still, by_unit = found[0] + late if leg.turned else found[0], found[1:].T.copy()
+            moved = 0.0
+            if leg.turned:
+                moved = late[k] if i == 0 else 0.0
+                for j in range(n):
+                    moved += T[k, j] * (X[2 + j, i] + fx * X_foot[2 + j, 0] + fz * X_foot[2 + j, 1])
+            else:
+                moved = X[2 + k, i] + fx * X_foot[2 + k, 0] + fz * X_foot[2 + k, 1]
+            if i == 0:
+                still[k] = moved
+            else:
+                by_unit[k, i - 1] = moved
     tau = drives.driven_through_gears(leg, motor, w, still, by_unit, leg.armature)
-    return still + drives.drive_speeds(by_unit, tau)
+    for k in range(n):
+        for i in range(n):
+            still[k] += by_unit[k, i] * tau[i]
+    return still
 
 
 @kernel
