@@ -219,6 +219,18 @@ def test_show(tmp_path: Path) -> None:
     assert "doubt: the hip turns at" in said("show", "--set", "leg.motor.max_speed=60", cwd=tmp_path).stdout
 
 
+def test_a_shape_is_shown_in_one_row(tmp_path: Path) -> None:
+    shape = "points = [[0, 0, 0], [0, 0, -0.3]]\nradius = 0.025"
+    trunk = "[leg.body.shapes.trunk]\npolygon = [[-0.2, 0], [0.2, 0], [0, 0.1]]"
+    (tmp_path / "mine.toml").write_text(f'extends = "paper"\nname = "mine"\n{trunk}\n[leg.shank.shapes.calf]\n{shape}\n')
+    text = said("show", "mine.toml", cwd=tmp_path).stdout
+    assert re.search(r"leg\.body\.shapes\.trunk +3 corners of a polygon +m", text)
+    assert re.search(r"leg\.shank\.shapes\.calf +2 points; radius 0\.025 +m", text)
+    assert text.count(".shapes.") == 2
+    entries = json.loads(said("show", "mine.toml", "--json", cwd=tmp_path).stdout)
+    assert entries["leg.shank.shapes.calf.radius"]["value"] == 0.025
+
+
 def test_a_stored_answer_is_shown_whole(solved: tuple[dict, Path]) -> None:
     """With what the paper's control reaches, which is simulated after it was stored; short where it was found."""
     s, folder = solved

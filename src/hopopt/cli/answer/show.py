@@ -1,7 +1,9 @@
 """The command that prints a stored answer, or a problem: show."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,9 @@ from hopopt.leg.derived import LegFigures, derived
 from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import as_json, load, rows
 from hopopt.storage.folder import fitting
+
+CORNERS = {"points": "points", "polygon": "corners of a polygon"}  # entries of a shape, in words
+SHAPE = re.compile(r".*\.shapes\.[^.]+")
 
 
 def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
@@ -43,11 +48,16 @@ def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) 
 
 
 def _problem(design: Design) -> Iterator[Shown]:
-    """Every entry with value, unit and meaning."""
+    """Every entry with value, unit and meaning; a shape in one row, as a robot's file has thousands of its points."""
     cells = []
-    for row in rows(design):
-        unset = "by default" if "(default" in row.meaning else "not set"
-        cells.append([row.path, unset if row.value is None else _plain(row.value), row.unit, row.meaning])
+    for shape, group in groupby(rows(design), lambda row: "".join(SHAPE.findall(row.path))):
+        if shape:
+            entries = {row.path.rpartition(".")[2]: row.value for row in group}
+            cells.append([shape, _shape(entries), "m", "a shape; all of it: --json"])
+            continue
+        for row in group:
+            unset = "by default" if "(default" in row.meaning else "not set"
+            cells.append([row.path, unset if row.value is None else _plain(row.value), row.unit, row.meaning])
     styles = {"entry": "bold", "value": "", "unit": "dim", "meaning": ""}
     columns = [Column(head, style=style, overflow="fold") for head, style in styles.items()]
     yield table(columns, cells, design.title or design.name)
@@ -79,6 +89,13 @@ def _derived(leg: Leg, found: LegFigures, far: Sequence[str]) -> Iterator[Shown]
     if without:
         yield f"no rotor inertia at the {' and '.join(without)}: hops come out too high; look at leg.motor.rotor_inertia"
     yield from (f"doubt: {words}" for words in far)
+
+
+def _shape(entries: Mapping[str, Any]) -> str:
+    """A shape in words, from its entries by name."""
+    given = {name: value for name, value in entries.items() if value not in (None, (0.0, 0.0, 0.0), 0.0, True)}
+    parts = [f"{len(given.pop(name))} {words}" for name, words in CORNERS.items() if name in given]
+    return "; ".join([*parts, *(f"{name} {_plain(value)}" for name, value in given.items())])
 
 
 def _plain(value: Any) -> str:

@@ -80,12 +80,13 @@ def _drives(leg: Leg, entry: str) -> Iterable[tuple[str, tuple[str, float, float
 
 
 def _ranges(leg: Leg) -> Iterator[str]:
-    radians = any(leg.link[name].inertia_tensor is not None for name in leg.links)  # as those of a URDF are
+    if any(leg.link[name].inertia_tensor is not None for name in leg.links):
+        return  # from a robot's file, which knows radians alone
     for name in (name for name in leg.joints if name not in leg.sliding):
         for side in ("lower", "upper"):
             value = getattr(leg.joint[name], side)
             if abs(value) > FURTHEST:
-                words = f"is {np.degrees(value):.0f} degrees{'' if radians else _meant(value, 'rad', 'degrees')}"
+                words = f"is {np.degrees(value):.0f} degrees{_meant(value, 'rad', 'degrees')}"
                 yield f"leg.{name}.{side} = {value:g} rad {words}"
 
 
