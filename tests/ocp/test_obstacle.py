@@ -17,11 +17,13 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.geometry.hulls import coal
 from hopopt.leg.geometry.outlines import outlines, seen
+from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.hops.obstacle import distance, distance_of_polygon
 from hopopt.planner.motion import Motion
 from hopopt.planner.search.multistart import first_transcription, solution_of
 from hopopt.planner.search.neighbours.obstacle_place import below_the_middle
+from hopopt.planner.search.neighbours.relaxations import QUICK, own_bounds, wider
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -192,6 +194,22 @@ def test_no_point_of_trunk_or_link_is_in_the_obstacle() -> None:
         for body, place in ((trunk, at), capsule(hip, knee, TRUNK["thigh"]), capsule(knee, foot, TRUNK["shank"])):
             least = min(least, coal.distance(body, place, solid, there, coal.DistanceRequest(), coal.DistanceResult()))
     assert -1e-4 < least < 5e-4  # m; between the instants that are looked at links go a little on
+
+
+def test_without_the_trunk_s_obstacle_every_link_still_has_its_own() -> None:
+    """What a start relaxes; on a body that is a point there is nothing to relax."""
+    t, name = first_transcription(Hop(load_trunk(), "obstacle")), "no obstacle for the trunk"
+    (relaxation,) = (r for r in QUICK if r.name == name)
+    assert relaxation.suits(t)
+    wide, own = wider(t, relaxation), own_bounds(t)
+    changed = wide.low_g != own.low_g
+    rows = [r for r in t.rows if isinstance(r.name, LimitId) and r.name.kind is Kind.OBSTACLE]
+    labels = np.concatenate([np.tile([label.label for label in r.labels], len(r.interval)) for r in rows])
+    where = np.concatenate([np.arange(r.start, r.stop) for r in rows])
+    assert set(labels) == {"trunk", "thigh", "shank"}
+    np.testing.assert_array_equal(np.flatnonzero(changed), where[labels == "trunk"])
+    assert np.isneginf(wide.low_g[changed]).all()
+    assert not relaxation.suits(first_transcription(Hop(load("paper", {"hop.obstacle.width": 0.2}), "obstacle")))
 
 
 @cache

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hopopt.design.fields import TRUNK
 from hopopt.drivetrain.gear import lossless_entries
 from hopopt.drivetrain.supply import stiffer_entries
 from hopopt.leg.limit_id import Kind, LimitId
@@ -57,7 +58,12 @@ class Relaxation:
 
     def suits(self, t: Transcription) -> bool:
         """Whether the problem has what this relaxes."""
-        return all(any(rows_of(t, kind)) for kind in self.limits) and (self.numbers is None or bool(self.numbers(t)))
+        if not all(any(rows_of(t, kind)) for kind in self.limits):
+            return False
+        if self.numbers is not None:
+            return bool(self.numbers(t))
+        own, bounds = own_bounds(t), wider(t, self)
+        return any(not np.array_equal(getattr(own, side), getattr(bounds, side)) for side in vars(own))
 
 
 def rows_of(t: Transcription, kind: Kind) -> Iterator[Rows]:
@@ -76,6 +82,13 @@ def joints_below_ground(t: Transcription, b: Bounds) -> None:
     for r in rows_of(t, Kind.HEIGHT):
         joints = np.tile([label.label != "foot" for label in r.labels], max(1, len(r.interval)))
         b.low_g[r.start : r.stop] -= DEEPER * joints
+
+
+def trunk_through_obstacle(t: Transcription, b: Bounds) -> None:
+    """The trunk, but no link, may pass through the obstacle."""
+    for r in rows_of(t, Kind.OBSTACLE):
+        trunk = [label.label.startswith(TRUNK) for label in r.labels]
+        b.low_g[r.start : r.stop][np.tile(trunk, max(1, len(r.interval)))] = -np.inf
 
 
 def joint_range(t: Transcription, b: Bounds) -> None:
@@ -130,6 +143,7 @@ QUICK = (
     NO_FRICTION_LIMIT,
     Relaxation("wider joint range", (), joint_range),
     Relaxation("no ground for joints", (Kind.HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
+    Relaxation("no obstacle for the trunk", (Kind.OBSTACLE,), trunk_through_obstacle),
     Relaxation("no losses", numbers=no_losses),
     Relaxation("no cap on power", (Kind.MOTOR_POWER,), without(Kind.MOTOR_POWER)),
     Relaxation("no limit of heat", (Kind.TEMPERATURE,), without(Kind.TEMPERATURE)),
