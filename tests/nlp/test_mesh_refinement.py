@@ -11,6 +11,7 @@ from hopopt.nlp.refinement import mesh_refinement as refine
 from hopopt.nlp.refinement.continuous_limits import enforcing
 from hopopt.nlp.refinement.interval_errors import IntervalErrors, interval_errors, stage_values
 from hopopt.nlp.refinement.mesh_refinement import (
+    BEHIND,
     MET,
     NO_NEARER,
     NOT_ASKED,
@@ -322,6 +323,23 @@ def test_meshes_that_bring_it_no_nearer_end_it(between: bool, monkeypatch: pytes
     refinement = Refinement(begin, aims, between=between).run()
     assert refinement.ended == NO_NEARER
     assert len(refinement.history) == STUCK + 1
+
+
+@pytest.mark.parametrize("between", [True, False])
+def test_what_falls_well_behind_a_known_optimum_is_left(between: bool) -> None:
+    """And nothing else: one that is near it, or better, is refined as without it."""
+    known = bryson_denham(path=True)
+    begin, aims = solve(known, radau(3), uniform(10)), Aims(5e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300)
+
+    def refined(better_by: float | None) -> Refinement:
+        other = None if better_by is None else known.optimum * (1 - better_by)
+        return Refinement(begin, replace(aims, known=other), between=between).run()
+
+    free, behind = refined(None), refined(1e-2)
+    assert (free.ended, behind.ended) == (MET, BEHIND)
+    assert len(behind.history) == 1 < len(free.history)
+    for other in (refined(1e-3), refined(-1e-2)):
+        assert [step.objective for step in other.history] == [step.objective for step in free.history]
 
 
 def test_the_change_of_the_objective_is_that_before_limits_were_tightened() -> None:

@@ -204,7 +204,7 @@ def test_without_the_trunk_s_obstacle_every_link_still_has_its_own() -> None:
     wide, own = wider(t, relaxation), own_bounds(t)
     changed = wide.low_g != own.low_g
     rows = [r for r in t.rows if isinstance(r.name, LimitId) and r.name.kind is Kind.OBSTACLE]
-    labels = np.concatenate([np.tile([label.label for label in r.labels], len(r.interval)) for r in rows])
+    labels = np.concatenate([np.tile([str(label.label) for label in r.labels], len(r.interval)) for r in rows])
     where = np.concatenate([np.arange(r.start, r.stop) for r in rows])
     assert set(labels) == {"trunk", "thigh", "shank"}
     np.testing.assert_array_equal(np.flatnonzero(changed), where[labels == "trunk"])

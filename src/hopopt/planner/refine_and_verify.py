@@ -71,9 +71,13 @@ def refined_and_verified(
     until: Deadline = NEVER,
     calmed: NlpSolution | None = None,
     attempts: Sequence[Attempt] = REFINEMENT,
+    refinement: Refinement | None = None,
 ) -> Solution:
     """Refine one start's optimum, verify it (as ``refine_and_verify``) and sum it up."""
-    answer = refine_and_verify(hop, outcome, say, first, restarts, clock, until=until, calmed=calmed, attempts=attempts)
+    answer = refine_and_verify(
+        hop, outcome, say, first, restarts, clock,
+        until=until, calmed=calmed, attempts=attempts, refinement=refinement,
+    )  # fmt: skip
     return summed_up(answer, outcomes, outcome, clock)
 
 
@@ -88,13 +92,14 @@ def refine_and_verify(
     until: Deadline = NEVER,
     calmed: NlpSolution | None = None,
     attempts: Sequence[Attempt] = REFINEMENT,
+    refinement: Refinement | None = None,
 ) -> Answer:
     """One start's optimum refined, with its verdict, or what the ``attempts`` after a refinement lead to that is better
     (planner/attempts.py). ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that
     is aimed at; ``calmed``: what the start leads to with a larger tie-break, if that is known
-    (planner/search/calm_first.py)."""
+    (planner/search/calm_first.py); ``refinement``: of the start, if that is known."""
     clock = clock or Stopwatch()
-    refinement = refine_outcome(hop, outcome, say, first, restarts, margin, until, calmed)
+    refinement = refinement or refine_outcome(hop, outcome, say, first, restarts, margin, until, calmed)
     clock.mark("refinement")
     say("verifying")
 
@@ -154,10 +159,11 @@ def refine_outcome(
     margin: float = EXCESS_MARGIN,
     until: Deadline = NEVER,
     calmed: NlpSolution | None = None,
+    known: float | None = None,
 ) -> Refinement:
     """A start's optimum, refined as the problem's solver settings ask for; ``margin`` and ``calmed`` as of
-    ``refine_and_verify``."""
-    aims = replace(aims_of(hop, until), excess=margin * LIMIT)
+    ``refine_and_verify``; ``known``: objective of a hop that is verified [its unit], well behind which it ends."""
+    aims = replace(aims_of(hop, until), excess=margin * LIMIT, known=known)
     aims = aims if restarts else replace(aims, restarts=0)
     solution = solution_of(outcome, first or first_transcription(hop))
     if hop.objective.calm_first and aims.meshes:

@@ -9,6 +9,7 @@ from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.refinement.mesh_refinement import BEHIND
 from hopopt.nlp.refinement.mesh_step import MeshStep, relative
 from hopopt.ocp.custom import custom
 from hopopt.ocp.guesses.feasibility import cannot_begin
@@ -27,6 +28,7 @@ from hopopt.planner.refine_and_verify import (
     aims_of,
     judged,
     progress_line,
+    refine_outcome,
     refined_and_verified,
     summed_up,
     told_of_calm,
@@ -117,7 +119,7 @@ def _found(
     clock.mark("starts")
     if count >= SEARCH:
         make_missing(processes)
-    finished = _refined(hop, contenders(outcomes), outcomes, say, clock, until)
+    finished = _refined(hop, contenders(outcomes), outcomes, say, clock, until, ())
     if not finished:
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True, until=until)
@@ -125,7 +127,7 @@ def _found(
         known, searched = {o.name for o in outcomes}, looked_closer(hop, searched, say, until)
         outcomes = searched.outcomes
         more = [o for o in contenders(outcomes) if o.name not in known]
-        finished += _refined(hop, more, outcomes, say, clock, until)
+        finished += _refined(hop, more, outcomes, say, clock, until, finished)
     hop, best, better = settled(hop, finished, outcomes, say, clock, until)
     if count >= SEARCH:
         make_missing(processes)
@@ -158,10 +160,10 @@ def doubted(hop: Hop, searched: FirstMesh, finished: Sequence[Solution]) -> bool
 
 def _refined(
     hop: Hop, chosen: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch,
-    until: Deadline,
+    until: Deadline, before: Sequence[Solution],
 ) -> list[Solution]:  # fmt: skip
     """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
-    is time."""
+    is time. Those that fall well behind a verified one, of these or of those finished before, are left."""
     if hop.objective.calm_first and chosen:
         return [_least(hop, distinct(outcomes), outcomes, say, clock, until)]
     finished: list[Solution] = []
@@ -169,7 +171,17 @@ def _refined(
         if finished and until.passed:
             break
         told = _one_of(say, k, len(chosen))
-        finished.append(refined_and_verified(hop, outcome, outcomes, told, clock, restarts=False, until=until))
+        verified = [s for s in (*before, *finished) if s.verified]
+        known = best_of(hop.objective, verified).summary.objective_value if verified else None
+        refinement = refine_outcome(hop, outcome, told, restarts=False, until=until, known=known)
+        if refinement.ended == BEHIND:
+            clock.mark("refinement")
+            continue
+        finished.append(
+            refined_and_verified(
+                hop, outcome, outcomes, told, clock, restarts=False, until=until, refinement=refinement
+            )
+        )
     return finished
 
 

@@ -43,6 +43,7 @@ from hopopt.nlp.refinement.next_mesh import (
     next_cuts,
     pieces_of,
     uncut,
+    well_behind,
 )
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
@@ -67,6 +68,7 @@ NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
 OUT_OF_TIME = "the time limit was reached"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
 ASTRAY = "an edge at a zero led to a hop without that zero"
+BEHIND = "a better hop is known"
 
 
 class Refinement:
@@ -143,6 +145,8 @@ class Refinement:
             accurate = self._kept and not any_cut(cuts)
             if accurate and self.change <= self.aims.change:
                 return MET
+            if well_behind(self._measured, self.aims):
+                return BEHIND
             if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
                 return ""
             if stuck(self.history, self.aims.local_error, self.aims.excess if self.between else inf):
@@ -155,6 +159,8 @@ class Refinement:
     def _tightening_at_the_end(self) -> str:
         """How it ends where limits are tightened on the settled mesh; "" with the last mesh."""
         for _ in range(self.aims.meshes):
+            if well_behind(self._measured, self.aims):
+                return BEHIND
             if stuck(self.history, self.aims.local_error, self.aims.excess if self.between else inf):
                 return NO_NEARER
             cuts = cuts_before_tightening(self._measured, self.aims, len(self.history))

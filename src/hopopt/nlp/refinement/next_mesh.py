@@ -31,6 +31,8 @@ EARLY_MESHES = 2  # meshes before an error that wanders is suspected
 LONGEST_INTERVAL = 0.01  # share of the phase: longer intervals may harbour one
 AT_ONCE, LATER = 4, 4  # where limits are tightened at the end: pieces of all that is cut; as EARLY_MESHES
 GROWTH = 1.5  # times the intervals of a mesh: how fine the next may be where not all cuts fit
+NEARLY = 10.0  # times the local error that is aimed at, below which a mesh's objective tells of its optimum
+WELL_BEHIND = 3e-3  # relative to the objective: more than the switches of a coarse mesh are smeared over
 LITTLE_ROOM = 0.1  # share of them: room for fewer is not worth a mesh
 Cuts = Mapping[
     str, list[np.ndarray]
@@ -50,6 +52,7 @@ class Aims:
     restarts: so many times ``iterations`` may go, over all meshes, into solving again without the last one's
         multipliers; restarts that only a doubt asks for are counted, but never refused
     until: by when it ends, with the mesh it is at
+    known: objective of a hop that is verified [its unit]: what falls well behind it need not be refined further
     """
 
     local_error: float
@@ -60,6 +63,7 @@ class Aims:
     iterations: int
     restarts: float = 5.0
     until: Deadline = NEVER
+    known: float | None = None
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,15 @@ class Measured:
             name: e.local / aims.local_error + e.excess / aims.excess + self.costs[name] / self.budget(aims)
             for name, e in self.errors.items()
         }
+
+
+def well_behind(m: Measured, aims: Aims) -> bool:
+    """Whether a mesh is so accurate, and a known hop so much better, that no finer mesh can make up for it."""
+    local = max(float(e.local.max()) for e in m.errors.values())
+    if aims.known is None or local > NEARLY * aims.local_error:
+        return False
+    loss = m.solution.transcription.problem.objective.cost(m.solution.objective - aims.known)
+    return loss > WELL_BEHIND * m.solution.magnitude
 
 
 def next_cuts(m: Measured, aims: Aims, solves: int, answered: Mapping[str, np.ndarray]) -> Cuts:
