@@ -28,6 +28,7 @@ from hopopt.drivetrain.teeth.law import each_driven, each_passed, efficiency_at,
 
 SLOW = 1e-2  # share of the no-load speed over which losses change their sign: 0.1 rad/s on the paper's leg
 SHARP = 1e-3  # share of stall torque over which a gear goes from driving to braking
+SOFTNESS = "gear softness"  # a number that gentler programs alone have: times SLOW and SHARP
 ENTRIES = ("efficiency", "friction", "damping")
 LOSSLESS = (1.0, 0.0, 0.0)
 PIECE = 5  # numbers of a piece of the curve that a torque makes of an efficiency
@@ -135,8 +136,8 @@ class Gear:
         own["friction"] += motor_friction(leg, joint, p)
         if (table := efficiency_table(leg, joint)) is not None:
             own |= _tabled(table, ratio, p[f"{leg.drive(joint, 'gear', TABLE)[0]}.{SCALE}"])
-        slow, sharp = SLOW * speed / ratio, SHARP * ratio * torque
-        return cls(**own, slow=slow, sharp=sharp)
+        soft = p.get(SOFTNESS, 1.0)
+        return cls(**own, slow=soft * SLOW * speed / ratio, sharp=soft * SHARP * ratio * torque)
 
 
 def motor_friction(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:

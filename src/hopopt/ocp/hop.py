@@ -1,15 +1,17 @@
 """The hop as a multi-phase problem: a sequence of phases, an objective, and what the user adds to both."""
 
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
 
 from hopopt.design import Design
+from hopopt.drivetrain.gear import SOFTNESS
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import Custom, as_rule, checked, named_custom
 from hopopt.ocp.custom import path as custom_path
-from hopopt.ocp.drives import carried_on, holding
+from hopopt.ocp.drives import carried_on, holding, reversing_speeds
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.heat import heat_goes_on
@@ -19,10 +21,12 @@ from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.objectives.tie_break import EFFORT, LOOPED, effort, largest_effort
 from hopopt.ocp.phases import LegPhase
-from hopopt.ocp.problem import Ends, Objective, PathConstraint, Phase, Problem
+from hopopt.ocp.problem import Ends, Gentler, Objective, Parameter, PathConstraint, Phase, Problem
 from hopopt.ocp.rules import rules_of
 
 FIXED = FreeParameters()
+# times as gently as their law says gears turn from driving to braking: a program is led from each to the next
+SOFTER = (16.0, 6.0, 2.5)
 SEQUENCES = {"periodic": hop_after_hop, "landing": to_rest}  # by hop.kind; of a single hop the objective's
 
 
@@ -64,7 +68,14 @@ class Hop(MovingLeg):
 
     @cached_property
     def problem(self) -> Problem:
-        """The multi-phase problem; every physical parameter of the leg is a parameter of it."""
+        """The multi-phase problem; every physical parameter of the leg is a parameter of it. Where gears turn round sharply from
+        driving to braking there is a gentler one."""
+        first, *_ = SOFTER
+        gentler = Gentler(lambda: self._problem(Parameter(SOFTNESS, value=first)), SOFTNESS, SOFTER)
+        return replace(self._problem(), gentler=gentler if reversing_speeds(self).any() else None)
+
+    def _problem(self, *more: Parameter) -> Problem:
+        """The problem, with these parameters besides."""
         goal = self.objective
         sequence = SEQUENCES.get(self.design.hop.kind, goal.sequence)(self, self.free_parameters)
         names = [part.phase.name for part in sequence.phases]
@@ -75,7 +86,7 @@ class Hop(MovingLeg):
             self.design.name,
             tuple(self._extended(phase) for phase in sequence.phases),
             self._towards(1.0),
-            (*self.free_parameters.parameters(self.numbers), *goal.parameters(self)),
+            (*self.free_parameters.parameters(self.numbers), *goal.parameters(self), *more),
             (
                 *sequence.transitions,
                 *drives,

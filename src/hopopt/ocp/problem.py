@@ -6,6 +6,7 @@ function below takes an ``Instant`` (or the ``Ends`` of all phases) and returns 
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -215,10 +216,28 @@ class Phase:
 
 
 @dataclass(frozen=True)
+class Gentler:
+    """A problem without the sharp bends of another: how gently it bends is a fixed parameter more, with which at 1 it is the other.
+
+    make: makes it; number: that parameter's name; values: from which it is led towards 1, the gentlest first
+    """
+
+    make: "Callable[[], Problem]"
+    number: str
+    values: tuple[float, ...]
+
+    @cached_property
+    def problem(self) -> "Problem":
+        """The problem, made at its first use."""
+        return self.make()
+
+
+@dataclass(frozen=True)
 class Problem:
     """A whole multi-phase problem; phases in the order in which they run.
 
     solver_options: what the problem asks of every solver of it, by CasADi's names
+    gentler: one that is easier to solve, by way of which it is solved where nothing else leads to a solution
     """
 
     name: str
@@ -227,6 +246,7 @@ class Problem:
     parameters: tuple[Parameter, ...] = ()
     boundary: tuple[BoundaryConstraint, ...] = ()
     solver_options: Mapping[str, Any] = field(default_factory=dict)
+    gentler: Gentler | None = field(default=None, repr=False, compare=False)
     kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def once(self, name: Any, make: Callable[[], Any]) -> Any:
@@ -237,7 +257,7 @@ class Problem:
 
     def towards(self, objective: Objective) -> "Problem":
         """The same with another objective; what was made of its phases, which is named (what, phase), is shared."""
-        other = replace(self, objective=objective)
+        other = replace(self, objective=objective, gentler=None)
         other.kept.update({name: value for name, value in self.kept.items() if isinstance(name, tuple)})
         return other
 

@@ -27,6 +27,7 @@ from hopopt.nlp.refinement.continuous_limits import (
     kept_without,
     nothing_enforced,
 )
+from hopopt.nlp.refinement.gentler import led_gently
 from hopopt.nlp.refinement.interval_errors import interval_errors
 from hopopt.nlp.refinement.mesh_step import STUCK, MeshStep, Report, change_of, relative, stuck
 from hopopt.nlp.refinement.next_mesh import (
@@ -213,7 +214,7 @@ class Refinement:
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
         solver = self._solver(enforced.transcription, self._ways[0] if finer else NEAR_OPTIONS)
         built = time.perf_counter()
-        solved = self._solved(solver, guess, free, (enforced.multipliers(lam_g), lam_x), bounds)
+        solved = self._solved(enforced, solver, guess, free, (enforced.multipliers(lam_g), lam_x), bounds)
         if (found := self._believable(solved)) is None:
             unneeded, (self._enforced, self._tightened, self._answered) = self._unneeded, before
             if unneeded is not None:
@@ -253,11 +254,14 @@ class Refinement:
             self._enforced = {**self._enforced, name: np.repeat(enforced | (close[name] & smooth), n, axis=0)}
 
     def _solved(
-        self, warm: NlpSolver, guess: Any, free: Mapping[str, Any], multipliers: Multipliers, bounds: Bounds
-    ) -> list[NlpSolution]:
-        """What was solved from the last mesh's point and multipliers, twice where sharp zeros ask for it, and then, until a
+        self, program: Enforced, warm: NlpSolver, guess: Any, free: Mapping[str, Any], multipliers: Multipliers,
+        bounds: Bounds,
+    ) -> list[NlpSolution]:  # fmt: skip
+        """What was solved from the last mesh's point and multipliers, where that fails gently or in another way, and then, until a
         solution is no worse than that mesh's, from the point alone."""
         tried = [warm(guess, free, multipliers, bounds)]
+        if not tried[0].success and not self.aims.until.passed:
+            tried = [led_gently(program, self._solver, guess, free, multipliers, bounds) or tried[0]]
         if self._sharp and not tried[0].success and not self.aims.until.passed:
             tried = [self._solver(warm.transcription, self._ways[1])(guess, free, multipliers, bounds)]
             self._ways = self._ways[::-1] if tried[0].success else self._ways

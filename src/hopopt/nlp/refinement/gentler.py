@@ -1,0 +1,42 @@
+"""A finer mesh's program led gently to its solution, where the last mesh's point and multipliers do not lead there at once.
+
+Sharp bends in a problem's functions can keep Newton's method from it, and a gentler problem (ocp/problem.py) has none. On one mesh
+its optimum moves little as it is sharpened, so that each step begins near its end. (Continuation: Nocedal and Wright,
+Numerical Optimization, 11.3.)
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from hopopt.nlp.refinement.continuous_limits import Enforced, enforcing
+from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.transcription import Transcription
+
+Solver = Callable[[Transcription, Mapping[str, Any]], NlpSolver]
+
+
+def led_gently(
+    program: Enforced, solver: Solver, guess: Any, free: Mapping[str, Any], multipliers: Multipliers, bounds: Bounds
+) -> NlpSolution | None:
+    """The program's solution by way of the gentler problem's; None if it has none, or a step fails.
+
+    solver: makes one for a program, from options
+    guess, free, multipliers, bounds: where the gentler one begins, as of ``NlpSolver``
+    """
+    t = program.given
+    if (gentler := t.problem.gentler) is None:
+        return None
+    first, *others = gentler.values
+    easier = enforcing(Transcription(gentler.problem, t.scheme, t.mesh), program.chosen).transcription
+    s = solver(easier, WAYS[0])(guess, {**free, gentler.number: first}, multipliers, bounds)
+    steps = solver(easier, NEAR_OPTIONS)
+    for value in others:
+        if not s.success:
+            return None
+        s = steps.again(replace(s, p=easier.parameter_values({gentler.number: value})), bounds)
+    if not s.success:
+        return None
+    asked = program.transcription
+    s = solver(asked, NEAR_OPTIONS).again(replace(s, p=asked.parameter_values()), bounds)
+    return s if s.success else None
