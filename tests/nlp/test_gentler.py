@@ -12,8 +12,8 @@ import pytest
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.refinement import mesh_refinement as refine
 from hopopt.nlp.refinement.continuous_limits import enforcing, nothing_enforced
-from hopopt.nlp.refinement.gentler import led_gently
 from hopopt.nlp.refinement.mesh_refinement import UNSOLVED, Refinement
+from hopopt.nlp.refinement.sharp.gentler import led_gently
 from hopopt.nlp.solver.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.solver.kkt_residuals import residuals
 from hopopt.nlp.transcription import Transcription

@@ -9,7 +9,7 @@ import pytest
 from hopopt.nlp.mesh import PhaseMesh, uniform
 from hopopt.nlp.refinement.mesh_refinement import MET, Refinement
 from hopopt.nlp.refinement.next_mesh import Aims, any_cut, cut, equal
-from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
+from hopopt.nlp.refinement.sharp.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription

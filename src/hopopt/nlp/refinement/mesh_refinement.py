@@ -5,7 +5,7 @@ the nodes on the next mesh (nlp/refinement/continuous_limits.py). What still pas
 kinks of their own have accurate states first and limits tightened on the settled mesh. Where a control or a least
 number only bounds something from above, hulls make such kinks cost more. Schemes that collocate both ends of an interval,
 whose controls oscillate, hardly converge within them. Where states have sharp zeros, meshes have free edges there
-(nlp/refinement/zeros.py); the last has none, and is solved as any other. Where that fails, or a state only touches zero
+(nlp/refinement/sharp/zeros.py); the last has none, and is solved as any other. Where that fails, or a state only touches zero
 there, it begins again without.
 """
 
@@ -27,7 +27,6 @@ from hopopt.nlp.refinement.continuous_limits import (
     kept_without,
     nothing_enforced,
 )
-from hopopt.nlp.refinement.gentler import led_gently
 from hopopt.nlp.refinement.interval_errors import interval_errors
 from hopopt.nlp.refinement.mesh_step import STUCK, MeshStep, Report, change_of, relative, stuck
 from hopopt.nlp.refinement.next_mesh import (
@@ -46,9 +45,10 @@ from hopopt.nlp.refinement.next_mesh import (
     uncut,
     well_behind,
 )
+from hopopt.nlp.refinement.sharp.gentler import led_gently
+from hopopt.nlp.refinement.sharp.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
-from hopopt.nlp.refinement.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
 from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
