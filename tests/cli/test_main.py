@@ -221,12 +221,12 @@ def test_show(tmp_path: Path) -> None:
 
 def test_a_shape_is_shown_in_one_row(tmp_path: Path) -> None:
     shape = "points = [[0, 0, 0], [0, 0, -0.3]]\nradius = 0.025"
-    trunk = "[leg.body.shapes.trunk]\npolygon = [[-0.2, 0], [0.2, 0], [0, 0.1]]"
+    trunk = "[leg.body.shapes.trunk]\npolygon = [[-0.2, 0], [0.2, 0], [0, 0.1]]\nradius = 1\ncounts = false"
     (tmp_path / "mine.toml").write_text(
         f'extends = "paper"\nname = "mine"\n{trunk}\n[leg.shank.shapes.calf]\n{shape}\n'
     )
     text = said("show", "mine.toml", cwd=tmp_path).stdout
-    assert re.search(r"leg\.body\.shapes\.trunk +3 corners of a polygon +m", text)
+    assert re.search(r"leg\.body\.shapes\.trunk +3 corners of a polygon; radius 1\.0; counts false +m", text)
     assert re.search(r"leg\.shank\.shapes\.calf +2 points; radius 0\.025 +m", text)
     assert text.count(".shapes.") == 2
     entries = json.loads(said("show", "mine.toml", "--json", cwd=tmp_path).stdout)

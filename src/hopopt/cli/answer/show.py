@@ -19,6 +19,7 @@ from hopopt.problem.load import as_json, load, rows
 from hopopt.storage.folder import fitting
 
 CORNERS = {"points": "points", "polygon": "corners of a polygon"}  # entries of a shape, in words
+USUAL = {"at": (0.0, 0.0, 0.0), "radius": 0.0, "counts": True}  # entries of a shape that say nothing
 SHAPE = re.compile(r".*\.shapes\.[^.]+")
 
 
@@ -93,7 +94,8 @@ def _derived(leg: Leg, found: LegFigures, far: Sequence[str]) -> Iterator[Shown]
 
 def _shape(entries: Mapping[str, Any]) -> str:
     """A shape in words, from its entries by name."""
-    given = {name: value for name, value in entries.items() if value not in (None, (0.0, 0.0, 0.0), 0.0, True)}
+    given = {name: value for name, value in entries.items() if name in CORNERS or value != USUAL.get(name)}
+    given = {name: value for name, value in given.items() if value is not None}
     parts = [f"{len(given.pop(name))} {words}" for name, words in CORNERS.items() if name in given]
     return "; ".join([*parts, *(f"{name} {_plain(value)}" for name, value in given.items())])
 

@@ -87,7 +87,7 @@ def joints_below_ground(t: Transcription, b: Bounds) -> None:
 def trunk_through_obstacle(t: Transcription, b: Bounds) -> None:
     """The trunk, but no link, may pass through the obstacle."""
     for r in rows_of(t, Kind.OBSTACLE):
-        trunk = [str(label.label).startswith(TRUNK) for label in r.labels]
+        trunk = [str(label.label).split(" ")[0] == TRUNK for label in r.labels]  # ahead of it, or behind
         b.low_g[r.start : r.stop][np.tile(trunk, max(1, len(r.interval)))] = -np.inf
 
 
