@@ -237,7 +237,7 @@ class Problem:
     """A whole multi-phase problem; phases in the order in which they run.
 
     solver_options: what the problem asks of every solver of it, by CasADi's names
-    gentler: one that is easier to solve, by way of which it is solved where nothing else leads to a solution
+    gentler: one that is easier to solve, by way of which a finer mesh is solved where the last one's solution does not lead to its own
     """
 
     name: str

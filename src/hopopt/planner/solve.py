@@ -176,6 +176,7 @@ def _refined(
         refinement = refine_outcome(hop, outcome, told, restarts=False, until=until, known=known)
         if refinement.ended == BEHIND:
             clock.mark("refinement")
+            told("left, for a better hop is verified")
             continue
         finished.append(
             refined_and_verified(

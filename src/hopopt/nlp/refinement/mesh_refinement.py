@@ -113,7 +113,7 @@ class Refinement:
         at_zeros = self._at_zeros
         self.ended = (self._enforcing() if self.between else self._tightening_at_the_end()) or self.ended
         self._at_zeros = False
-        if self._with_zeros:
+        if self._with_zeros and self.ended != BEHIND:
             self.ended = self._solve_on(uncut(self._measured)) or self._enforcing() or USED_UP
         if at_zeros and self.ended in (UNSOLVED, WORSE, ASTRAY):
             self._begin()

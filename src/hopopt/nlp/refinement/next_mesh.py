@@ -52,7 +52,7 @@ class Aims:
     restarts: so many times ``iterations`` may go, over all meshes, into solving again without the last one's
         multipliers; restarts that only a doubt asks for are counted, but never refused
     until: by when it ends, with the mesh it is at
-    known: objective of a hop that is verified [its unit]: what falls well behind it need not be refined further
+    known: objective, without its tie-break, of a hop that is verified [its unit]: what falls well behind it is left
     """
 
     local_error: float
@@ -100,8 +100,9 @@ def well_behind(m: Measured, aims: Aims) -> bool:
     local = max(float(e.local.max()) for e in m.errors.values())
     if aims.known is None or local > NEARLY * aims.local_error:
         return False
-    loss = m.solution.transcription.problem.objective.cost(m.solution.objective - aims.known)
-    return loss > WELL_BEHIND * m.solution.magnitude
+    loss = m.solution.transcription.problem.objective.cost(m.solution.value - aims.known)
+    to_gain = sum(float(cost.sum()) for cost in m.costs.values())  # where limits need not be tightened on a finer mesh
+    return loss > WELL_BEHIND * m.solution.magnitude + to_gain
 
 
 def next_cuts(m: Measured, aims: Aims, solves: int, answered: Mapping[str, np.ndarray]) -> Cuts:

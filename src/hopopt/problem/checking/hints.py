@@ -80,12 +80,12 @@ def _drives(leg: Leg, entry: str) -> Iterable[tuple[str, tuple[str, float, float
 
 
 def _ranges(leg: Leg) -> Iterator[str]:
-    if any(leg.link[name].inertia_tensor is not None for name in leg.links):
-        return  # from a robot's file, which knows radians alone
+    spatial = any(leg.link[name].inertia_tensor is not None for name in leg.links)
+    furthest = 2 * np.pi if spatial else FURTHEST  # joints of a robot's file go so far, and are in radians
     for name in (name for name in leg.joints if name not in leg.sliding):
         for side in ("lower", "upper"):
             value = getattr(leg.joint[name], side)
-            if abs(value) > FURTHEST:
+            if abs(value) > furthest:
                 words = f"is {np.degrees(value):.0f} degrees{_meant(value, 'rad', 'degrees')}"
                 yield f"leg.{name}.{side} = {value:g} rad {words}"
 

@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from hopopt.nlp.refinement.continuous_limits import Enforced, enforcing
 from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
@@ -19,7 +21,8 @@ Solver = Callable[[Transcription, Mapping[str, Any]], NlpSolver]
 def led_gently(
     program: Enforced, solver: Solver, guess: Any, free: Mapping[str, Any], multipliers: Multipliers, bounds: Bounds
 ) -> NlpSolution | None:
-    """The program's solution by way of the gentler problem's; None if it has none, or a step fails.
+    """The program's solution by way of the gentler problem's, with the iterations of all steps; None if it has none, or a step
+    fails.
 
     solver: makes one for a program, from options
     guess, free, multipliers, bounds: where the gentler one begins, as of ``NlpSolver``
@@ -29,14 +32,16 @@ def led_gently(
         return None
     first, *others = gentler.values
     easier = enforcing(Transcription(gentler.problem, t.scheme, t.mesh), program.chosen).transcription
+    if not np.array_equal(easier.scale, t.scale):  # of a program that has been given the numbers of another leg
+        return None
     s = solver(easier, WAYS[0])(guess, {**free, gentler.number: first}, multipliers, bounds)
-    steps = solver(easier, NEAR_OPTIONS)
-    for value in others:
-        if not s.success:
-            return None
-        s = steps.again(replace(s, p=easier.parameter_values({gentler.number: value})), bounds)
     if not s.success:
         return None
-    asked = program.transcription
-    s = solver(asked, NEAR_OPTIONS).again(replace(s, p=asked.parameter_values()), bounds)
-    return s if s.success else None
+    near, iterations = solver(easier, NEAR_OPTIONS), s.iterations
+    for value in others:
+        s = near.again(replace(s, p=easier.parameter_values({gentler.number: value})), bounds)
+        iterations += s.iterations
+        if not s.success:
+            return None
+    s = solver(program.transcription, NEAR_OPTIONS).again(replace(s, p=t.parameter_values()), bounds)
+    return replace(s, iterations=iterations + s.iterations) if s.success else None
