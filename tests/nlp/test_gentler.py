@@ -42,7 +42,7 @@ def solved() -> NlpSolution:
 def test_at_one_it_is_the_same_program_and_else_another() -> None:
     s, gentler = solved(), lossy().problem.gentler
     assert gentler is not None
-    t = Transcription(gentler.problem, s.transcription.scheme, s.transcription.mesh)
+    t = Transcription(gentler.make(), s.transcription.scheme, s.transcription.mesh)
 
     function = ca.Function("rows", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])
 

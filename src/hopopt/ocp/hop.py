@@ -70,8 +70,7 @@ class Hop(MovingLeg):
     def problem(self) -> Problem:
         """The multi-phase problem; every physical parameter of the leg is a parameter of it. Where gears turn round sharply from
         driving to braking there is a gentler one."""
-        first, *_ = SOFTER
-        gentler = Gentler(lambda: self._problem(Parameter(SOFTNESS, value=first)), SOFTNESS, SOFTER)
+        gentler = Gentler(lambda: self._problem(Parameter(SOFTNESS, value=1.0)), SOFTNESS, SOFTER)
         return replace(self._problem(), gentler=gentler if reversing_speeds(self).any() else None)
 
     def _problem(self, *more: Parameter) -> Problem:

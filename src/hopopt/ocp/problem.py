@@ -6,7 +6,6 @@ function below takes an ``Instant`` (or the ``Ends`` of all phases) and returns 
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -226,18 +225,14 @@ class Gentler:
     number: str
     values: tuple[float, ...]
 
-    @cached_property
-    def problem(self) -> "Problem":
-        """The problem, made at its first use."""
-        return self.make()
-
 
 @dataclass(frozen=True)
 class Problem:
     """A whole multi-phase problem; phases in the order in which they run.
 
     solver_options: what the problem asks of every solver of it, by CasADi's names
-    gentler: one that is easier to solve, by way of which a finer mesh is solved where the last one's solution does not lead to its own
+    gentler: one that is easier to solve, by way of which a finer mesh is solved where the last one's solution does not lead to
+        its own
     """
 
     name: str

@@ -94,8 +94,7 @@ def _derived(leg: Leg, found: LegFigures, far: Sequence[str]) -> Iterator[Shown]
 
 def _shape(entries: Mapping[str, Any]) -> str:
     """A shape in words, from its entries by name."""
-    given = {name: value for name, value in entries.items() if name in CORNERS or value != USUAL.get(name)}
-    given = {name: value for name, value in given.items() if value is not None}
+    given = {name: value for name, value in entries.items() if value != USUAL.get(name)}
     parts = [f"{len(given.pop(name))} {words}" for name, words in CORNERS.items() if name in given]
     return "; ".join([*parts, *(f"{name} {_plain(value)}" for name, value in given.items())])
 

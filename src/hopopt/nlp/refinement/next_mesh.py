@@ -83,6 +83,11 @@ class Measured:
         """What the limits cost that were tightened, and what those would that are passed, (N,) [objective's unit]."""
         return {name: cost + self.excess_costs[name] for name, cost in tightening_costs(self.solution).items()}
 
+    @property
+    def cost(self) -> float:
+        """All of that together [objective's unit]."""
+        return sum(float(cost.sum()) for cost in self.costs.values())
+
     def budget(self, aims: Aims) -> float:
         """What all limits may cost [objective's unit]."""
         return BUDGET * aims.tightening_cost * self.solution.magnitude
@@ -101,8 +106,9 @@ def well_behind(m: Measured, aims: Aims) -> bool:
     if aims.known is None or local > NEARLY * aims.local_error:
         return False
     loss = m.solution.transcription.problem.objective.cost(m.solution.value - aims.known)
-    to_gain = sum(float(cost.sum()) for cost in m.costs.values())  # where limits need not be tightened on a finer mesh
-    return loss > WELL_BEHIND * m.solution.magnitude + to_gain
+    return (
+        loss > WELL_BEHIND * m.solution.magnitude + m.cost
+    )  # which a finer mesh may gain, as its limits need no tightening
 
 
 def next_cuts(m: Measured, aims: Aims, solves: int, answered: Mapping[str, np.ndarray]) -> Cuts:
@@ -114,7 +120,7 @@ def next_cuts(m: Measured, aims: Aims, solves: int, answered: Mapping[str, np.nd
     asked = any(on.any() for on in unresponsive.values()) or any(
         (e.local > aims.local_error).any() for e in m.errors.values()
     )
-    if not asked and sum(cost.sum() for cost in m.costs.values()) <= m.budget(aims):
+    if not asked and m.cost <= m.budget(aims):
         return {name: equal(np.ones(len(on), dtype=int)) for name, on in unresponsive.items()}
     order = len(m.solution.transcription.scheme.c) + 1 if solves == 1 else SLOW_ORDER
     pieces = {}

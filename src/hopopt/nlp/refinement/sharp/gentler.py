@@ -31,7 +31,9 @@ def led_gently(
     if (gentler := t.problem.gentler) is None:
         return None
     first, *others = gentler.values
-    easier = enforcing(Transcription(gentler.problem, t.scheme, t.mesh), program.chosen).transcription
+    easier = enforcing(
+        Transcription(t.problem.once("gentler", gentler.make), t.scheme, t.mesh), program.chosen
+    ).transcription
     if not np.array_equal(easier.scale, t.scale):  # of a program that has been given the numbers of another leg
         return None
     s = solver(easier, WAYS[0])(guess, {**free, gentler.number: first}, multipliers, bounds)

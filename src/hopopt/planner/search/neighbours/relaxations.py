@@ -71,6 +71,11 @@ def rows_of(t: Transcription, kind: Kind) -> Iterator[Rows]:
     return (r for r in t.rows if isinstance(r.name, LimitId) and r.name.kind is kind)
 
 
+def labelled(r: Rows, wanted: Callable[[str], bool]) -> np.ndarray:
+    """Which of these rows are of components with a wanted label."""
+    return np.tile([wanted(str(component.label)) for component in r.labels], max(1, len(r.interval)))
+
+
 def friction_cone(t: Transcription, b: Bounds) -> None:
     """Without the friction cone."""
     for r in rows_of(t, Kind.FRICTION):
@@ -80,15 +85,14 @@ def friction_cone(t: Transcription, b: Bounds) -> None:
 def joints_below_ground(t: Transcription, b: Bounds) -> None:
     """Joints, but not the foot, may pass through the ground."""
     for r in rows_of(t, Kind.HEIGHT):
-        joints = np.tile([label.label != "foot" for label in r.labels], max(1, len(r.interval)))
-        b.low_g[r.start : r.stop] -= DEEPER * joints
+        b.low_g[r.start : r.stop] -= DEEPER * labelled(r, lambda point: point != "foot")
 
 
 def trunk_through_obstacle(t: Transcription, b: Bounds) -> None:
     """The trunk, but no link, may pass through the obstacle."""
     for r in rows_of(t, Kind.OBSTACLE):
-        trunk = [str(label.label).split(" ")[0] == TRUNK for label in r.labels]  # ahead of it, or behind
-        b.low_g[r.start : r.stop][np.tile(trunk, max(1, len(r.interval)))] = -np.inf
+        trunk = labelled(r, lambda shape: shape.split(" ")[0] == TRUNK)  # ahead of it, or behind
+        b.low_g[r.start : r.stop][trunk] = -np.inf
 
 
 def joint_range(t: Transcription, b: Bounds) -> None:
