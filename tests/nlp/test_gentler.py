@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hopopt.nlp.deadline import NEVER
-from hopopt.nlp.refinement import mesh_refinement as refine
+from hopopt.nlp.refinement import solving
 from hopopt.nlp.refinement.continuous_limits import enforcing, nothing_enforced
 from hopopt.nlp.refinement.mesh_refinement import UNSOLVED, Refinement
 from hopopt.nlp.refinement.sharp.gentler import led_gently
@@ -83,15 +83,15 @@ def test_without_losses_there_is_none() -> None:
 def test_a_mesh_that_is_not_solved_at_once_is_led_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """What would end unsolved goes on."""
     aims = replace(aims_of(lossy(), NEVER), meshes=2)
-    monkeypatch.setattr(refine, "CARRIED_ITERATIONS", 0)
+    monkeypatch.setattr(solving, "CARRIED_ITERATIONS", 0)
     asked: list[str] = []
 
     def noted(*given: object) -> NlpSolution | None:
         asked.append("led")
-        monkeypatch.setattr(refine, "CARRIED_ITERATIONS", 60)
+        monkeypatch.setattr(solving, "CARRIED_ITERATIONS", 60)
         return led_gently(*given)  # pyright: ignore[reportArgumentType]
 
-    monkeypatch.setattr(refine, "led_gently", noted)
+    monkeypatch.setattr(solving, "led_gently", noted)
     refinement = Refinement(solved(), aims).run()
     assert asked
     assert refinement.ended != UNSOLVED

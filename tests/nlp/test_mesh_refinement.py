@@ -8,6 +8,7 @@ import pytest
 
 from hopopt.nlp.mesh import mesh_of_arcs, uniform
 from hopopt.nlp.refinement import mesh_refinement as refine
+from hopopt.nlp.refinement import solving
 from hopopt.nlp.refinement.continuous_limits import enforcing
 from hopopt.nlp.refinement.interval_errors import IntervalErrors, interval_errors, stage_values
 from hopopt.nlp.refinement.mesh_refinement import (
@@ -193,8 +194,8 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
     have used up their iterations, it is said."""
     begin = solve(brachistochrone(), method, uniform(8))
     known = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300)).run()
-    monkeypatch.setattr(refine, "CARRIED_ITERATIONS", 1)
-    monkeypatch.setattr(refine, "LONGER", 1)
+    monkeypatch.setattr(solving, "CARRIED_ITERATIONS", 1)
+    monkeypatch.setattr(solving, "LONGER", 1)
     hasty = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300, restarts=0)).run()
     assert hasty.ended == UNSOLVED
     assert len(hasty.history) == 1
@@ -228,7 +229,7 @@ def test_a_limit_that_is_only_touched_is_not_enforced_where_its_hull_leaves_no_r
 ) -> None:
     """With its hull enforced the second mesh is slower by a seventh, which is not believed."""
     known = jerked()
-    monkeypatch.setattr(refine, "AGREED", -1.0)
+    monkeypatch.setattr(solving, "AGREED", -1.0)
     begin = solve(known, radau(3), uniform(7))
     refinement = Refinement(begin, Aims(1e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300, restarts=0)).run()
     assert refinement.ended == MET
@@ -241,11 +242,11 @@ def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.M
     known = bang_bang()
     coarse = solve(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1]))
     assert coarse.objective < known.optimum * (1 - 1e-4)
-    monkeypatch.setattr(refine, "MOST_LOST", 1e-5)
+    monkeypatch.setattr(solving, "MOST_LOST", 1e-5)
     refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300)).run()
     assert refinement.ended == MET
     assert refinement.solution.objective == pytest.approx(known.optimum, rel=2 * ALLOWED)
-    monkeypatch.setattr(refine, "AGREED", -1.0)
+    monkeypatch.setattr(solving, "AGREED", -1.0)
     doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300)).run()
     assert doubting.ended == WORSE
 

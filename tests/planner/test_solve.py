@@ -14,6 +14,7 @@ from hopopt.cli.screen.search import global_line
 from hopopt.errors import UsageError
 from hopopt.global_search import applies
 from hopopt.nlp.refinement import mesh_refinement as refine
+from hopopt.nlp.refinement import solving
 from hopopt.ocp.guesses.initial_guess import starts
 from hopopt.ocp.hop import Hop
 from hopopt.planner import refine_and_verify as finishing
@@ -59,7 +60,7 @@ def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
     tie_break: float, then: str, one_push: Solution, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Too little patience for carried multipliers: a larger tie-break or, where it is large already, restarts."""
-    monkeypatch.setattr(refine, "CARRIED_ITERATIONS", 5)
+    monkeypatch.setattr(solving, "CARRIED_ITERATIONS", 5)
     said: list[str] = []
     design = load("paper", ONE_PUSH | {"solver.tie_break": tie_break})
     s = solve(design, starts=1, processes=1, progress=said.append)

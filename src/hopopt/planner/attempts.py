@@ -4,7 +4,7 @@ REFINEMENT is for one refinement of an optimum of the first mesh (planner/refine
 fails, HOP is for a solve (planner/solve.py) and WORK for one of work, POINT
 for a point of a sweep (studies/sweep/point.py), CODESIGN for a co-design (studies/codesign.py); each refinement among them has those of REFINEMENT again. SEVERAL_HOPS is for
 planner/several_hops.py. What one program is solved with again stands beside its solver:
-nlp/refinement/mesh_refinement.py, planner/search/multistart.py.
+nlp/refinement/solving.py, planner/search/multistart.py.
 """
 
 from collections.abc import Callable, Sequence

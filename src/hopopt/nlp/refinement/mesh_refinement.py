@@ -10,11 +10,10 @@ there, it begins again without.
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
-from itertools import combinations
 from math import inf
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from hopopt.nlp.refinement.continuous_limits import (
     nothing_enforced,
 )
 from hopopt.nlp.refinement.interval_errors import interval_errors
-from hopopt.nlp.refinement.mesh_step import STUCK, MeshStep, Report, change_of, relative, stuck
+from hopopt.nlp.refinement.mesh_step import STUCK, MeshStep, Report, change_of, stuck
 from hopopt.nlp.refinement.next_mesh import (
     Aims,
     Cuts,
@@ -45,21 +44,15 @@ from hopopt.nlp.refinement.next_mesh import (
     uncut,
     well_behind,
 )
-from hopopt.nlp.refinement.sharp.gentler import led_gently
 from hopopt.nlp.refinement.sharp.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
+from hopopt.nlp.refinement.solving import Solving, believable
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
-from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, WAYS, Bounds, NlpSolution
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
 
 FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
-MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
-AGREED = 1e-4  # relative
-CARRIED_ITERATIONS = 60  # from carried multipliers
-SHARP = 3  # times as many where states have sharp zeros
-LONGER = 5  # times as many before starting without
-RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 TIGHTENING_ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 # How a refinement ends:
@@ -91,13 +84,13 @@ class Refinement:
         self.between = holds(solution.transcription) if between is None else between
         self._sharp = self.between and sharp_states(solution.transcription.problem)
         self._at_zeros = self._sharp  # whether edges are set where states are zero
-        self._restarts_left = round(aims.restarts * aims.iterations)
+        self._solving = Solving(aims, self._sharp, round(aims.restarts * aims.iterations))
         self._begin()
 
     def _begin(self) -> None:
         """With the solution on the first mesh."""
         solution, enforced = self._first
-        self.history, self._ways = list[MeshStep](), WAYS
+        self.history, self._solving.ways = list[MeshStep](), WAYS
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh
         # limits that are not enforced by their hulls, as these leave no room, (1, path limits)
@@ -127,16 +120,21 @@ class Refinement:
 
     def further(self, aims: Aims) -> Self:
         """Another one that went on from where this ended, towards other aims; this stays as it is."""
-        other = copy(self)
-        other.aims, other.ended, other.history = aims, USED_UP, list(self.history)
+        other = self._going_on()
+        other.aims = other._solving.aims = aims
         return other.run()
 
     def on_pieces(self, pieces: Mapping[str, np.ndarray]) -> Self | None:
         """Another one that first cuts intervals into so many equal pieces, by phase, (N,) each, and goes on from there; None if
         that cannot be solved. This stays as it is."""
-        other = copy(self)
-        other.ended, other.history = USED_UP, list(self.history)
+        other = self._going_on()
         return None if other._solve_on({name: equal(n) for name, n in pieces.items()}) else other.run()
+
+    def _going_on(self) -> Self:
+        """Another one that is where this ended, and may go on from there."""
+        other = copy(self)
+        other._solving, other.ended, other.history = copy(self._solving), USED_UP, list(self.history)
+        return other
 
     def _enforcing(self) -> str:
         """How it ends where limits are enforced between the nodes; "" with the last mesh."""
@@ -212,10 +210,13 @@ class Refinement:
         guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
         bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._tightened)
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
-        solver = self._solver(enforced.transcription, self._ways[0] if finer else NEAR_OPTIONS)
+        spare = self._unneeded is not None
+        warm = self._solving.warm(enforced.transcription, finer, spare)
         built = time.perf_counter()
-        solved = self._solved(enforced, solver, guess, free, (enforced.multipliers(lam_g), lam_x), bounds)
-        if (found := self._believable(solved)) is None:
+        begun = guess, free, (enforced.multipliers(lam_g), lam_x), bounds
+        solved = self._solving.solutions(old, enforced, warm, *begun, spare)
+        accurate = self._kept and all(e.local.max() <= self.aims.local_error for e in self.errors.values())
+        if (found := believable(solved, old, not self.between, accurate)) is None:
             unneeded, (self._enforced, self._tightened, self._answered) = self._unneeded, before
             if unneeded is not None:
                 self._touched = dict(unneeded)
@@ -253,49 +254,9 @@ class Refinement:
             self._tightened, self._answered = self._tightened | {name: drawn_in}, self._answered | {name: answered}
             self._enforced = {**self._enforced, name: np.repeat(enforced | (close[name] & smooth), n, axis=0)}
 
-    def _solved(
-        self, program: Enforced, warm: NlpSolver, guess: Any, free: Mapping[str, Any], multipliers: Multipliers,
-        bounds: Bounds,
-    ) -> list[NlpSolution]:  # fmt: skip
-        """What was solved from the last mesh's point and multipliers, where that fails gently or in another way, and then, until a
-        solution is no worse than that mesh's, from the point alone."""
-        tried = [warm(guess, free, multipliers, bounds)]
-        if not tried[0].success and not self.aims.until.passed:
-            tried = [led_gently(program, self._solver, guess, free, multipliers, bounds) or tried[0]]
-        if self._sharp and not tried[0].success and not self.aims.until.passed:
-            tried = [self._solver(warm.transcription, self._ways[1])(guess, free, multipliers, bounds)]
-            self._ways = self._ways[::-1] if tried[0].success else self._ways
-        if not tried[0].success and self._unneeded is not None:
-            return []  # without those hulls it is tried next
-        for strategy in RESTARTS:
-            most = self.aims.iterations
-            if not tried[0].success:
-                most = min(most, self._restarts_left)
-            if most == 0 or self.aims.until.passed or (tried[-1].success and not self._worse(tried[-1])):
-                break
-            options = RESTARTED | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
-            tried.append(NlpSolver(warm.transcription, options, until=self.aims.until)(guess, free, None, bounds))
-            self._restarts_left = max(0, self._restarts_left - tried[-1].iterations)
-        return [s for s in tried if s.success]
-
-    def _believable(self, solved: Sequence[NlpSolution]) -> NlpSolution | None:
-        """The last, if it is no worse than the last mesh's solution; else what two agree on, if that mesh was inaccurate
-        and may have claimed too much. Limits that hold at the nodes alone always allow a coarse mesh that."""
-        if solved and not (self.between and self._worse(solved[-1])):
-            return solved[-1]
-        if self._kept and all(e.local.max() <= self.aims.local_error for e in self.errors.values()):
-            return None
-        pairs = combinations(solved, 2)
-        return next((b for a, b in pairs if relative(a.objective, b.objective, a.least) <= AGREED), None)
-
-    def _worse(self, solution: NlpSolution) -> bool:
-        """Whether it may be another, worse optimum than the last mesh's."""
-        loss = solution.transcription.problem.objective.cost(solution.objective - self.solution.objective)
-        return loss > MOST_LOST * self.solution.magnitude
-
     def _tighten(self) -> None:
         """Tighten the limits on the last mesh until they hold, or that costs too much or no longer helps."""
-        solver = self._solver(self.solution.transcription, NEAR_OPTIONS)
+        solver = self._solving.solver(self.solution.transcription, NEAR_OPTIONS, self._unneeded is not None)
         for k in range(TIGHTENING_ROUNDS):
             last, began = [step.excess for step in self.history[-3:]], time.perf_counter()
             if self._kept or (k > 2 and last[-1] > STALLED * last[0]) or self.aims.until.passed:
@@ -304,12 +265,6 @@ class Refinement:
             if not found.success or tightening_cost(found) > self.aims.tightening_cost:
                 return
             self._accept(found, 0.0, time.perf_counter() - began, k + 1)
-
-    def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
-        longer = self.aims.restarts and self._unneeded is None  # from the point alone it takes hundreds
-        times = LONGER if longer else SHARP if self._sharp else 1
-        most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
-        return NlpSolver(t, {**known, **most}, until=self.aims.until)
 
     def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}

@@ -1,0 +1,98 @@
+"""The next mesh's program solved: from the last mesh's point and multipliers, gently, in another way, or from the point alone.
+
+What a way costs where it fails is bounded; which of two ways came first lately is remembered, and how many iterations from points
+alone are left.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+from hopopt.nlp.refinement.continuous_limits import Enforced
+from hopopt.nlp.refinement.mesh_step import relative
+from hopopt.nlp.refinement.next_mesh import Aims
+from hopopt.nlp.refinement.sharp.gentler import led_gently
+from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.transcription import Transcription
+
+MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
+AGREED = 1e-4  # relative
+CARRIED_ITERATIONS = 60  # from carried multipliers
+SHARP = 3  # times as many where states have sharp zeros
+LONGER = 5  # times as many before starting without
+RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
+
+
+@dataclass
+class Solving:
+    """Solves one mesh's program after another, each from the solution on the mesh before.
+
+    aims: of the refinement
+    sharp: whether states have sharp zeros
+    restarts_left: iterations from points alone that failed solves may still cost
+    ways: Ipopt's options from carried multipliers, those that succeeded last first
+    """
+
+    aims: Aims
+    sharp: bool
+    restarts_left: int
+    ways: tuple[Mapping[str, Any], ...] = WAYS
+
+    def solver(self, t: Transcription, options: Mapping[str, Any], spare: bool) -> NlpSolver:
+        """Ipopt from what is known; not for long if there is something else to try, which is ``spare``."""
+        longer = self.aims.restarts and not spare  # from the point alone it takes hundreds
+        times = LONGER if longer else SHARP if self.sharp else 1
+        most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
+        return NlpSolver(t, {**options, **most}, until=self.aims.until)
+
+    def warm(self, t: Transcription, finer: bool, spare: bool) -> NlpSolver:
+        """The first to be tried: of a ``finer`` mesh, or of the same one within other limits."""
+        return self.solver(t, self.ways[0] if finer else NEAR_OPTIONS, spare)
+
+    def solutions(
+        self, last: NlpSolution, program: Enforced, warm: NlpSolver, guess: Any, free: Mapping[str, Any],
+        multipliers: Multipliers, bounds: Bounds, spare: bool,
+    ) -> list[NlpSolution]:  # fmt: skip
+        """What was solved from the last mesh's point and multipliers, where that fails gently or in another way, and then, until a
+        solution is no worse than that mesh's, from the point alone; the latter not if something is ``spare``, to be tried next."""
+
+        def solver(t: Transcription, options: Mapping[str, Any]) -> NlpSolver:
+            return self.solver(t, options, spare)
+
+        until = self.aims.until
+        tried = [warm(guess, free, multipliers, bounds)]
+        if not tried[0].success and not until.passed:
+            tried = [led_gently(program, solver, guess, free, multipliers, bounds) or tried[0]]
+        if self.sharp and not tried[0].success and not until.passed:
+            tried = [solver(warm.transcription, self.ways[1])(guess, free, multipliers, bounds)]
+            self.ways = self.ways[::-1] if tried[0].success else self.ways
+        if not tried[0].success and spare:
+            return []
+        for strategy in RESTARTS:
+            most = self.aims.iterations
+            if not tried[0].success:
+                most = min(most, self.restarts_left)
+            if most == 0 or until.passed or (tried[-1].success and not worse(tried[-1], last)):
+                break
+            options = RESTARTED | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
+            tried.append(NlpSolver(warm.transcription, options, until=until)(guess, free, None, bounds))
+            self.restarts_left = max(0, self.restarts_left - tried[-1].iterations)
+        return [s for s in tried if s.success]
+
+
+def believable(solved: Sequence[NlpSolution], last: NlpSolution, at_nodes: bool, accurate: bool) -> NlpSolution | None:
+    """The last of them, if it is no worse than the last mesh's solution; else what two agree on, if that mesh was not ``accurate``
+    and may have claimed too much. Limits that hold ``at_nodes`` alone always allow a coarse mesh that."""
+    if solved and (at_nodes or not worse(solved[-1], last)):
+        return solved[-1]
+    if accurate:
+        return None
+    pairs = combinations(solved, 2)
+    return next((b for a, b in pairs if relative(a.objective, b.objective, a.least) <= AGREED), None)
+
+
+def worse(solution: NlpSolution, last: NlpSolution) -> bool:
+    """Whether it may be another, worse optimum than the last mesh's."""
+    loss = solution.transcription.problem.objective.cost(solution.objective - last.objective)
+    return loss > MOST_LOST * last.magnitude
