@@ -9,9 +9,16 @@ import pytest
 from hopopt.nlp.mesh import PhaseMesh, uniform
 from hopopt.nlp.refinement.mesh_refinement import MET, Refinement
 from hopopt.nlp.refinement.next_mesh import Aims, any_cut, cut, equal
-from hopopt.nlp.refinement.sharp.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
+from hopopt.nlp.refinement.sharp.zeros import (
+    cut_at_zeros,
+    free_at_zeros,
+    keeping_signs,
+    keeps_zeros,
+    sharp_states,
+    zeros,
+)
 from hopopt.nlp.schemes import radau
-from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.problem import Control, Ends, Instant, Objective, PathConstraint, Phase, Problem, State
@@ -103,3 +110,34 @@ def test_a_state_that_touches_zero_at_an_edge_and_goes_back_does_not_pass_it() -
     forwards = replace(problem, objective=Objective("speed", lambda e: -e.final["way"].v))
     assert not keeps_zeros(solved(forwards, mesh))
     assert keeps_zeros(solved(forwards, uniform(4)))
+
+
+def test_between_its_zeros_a_state_keeps_its_sign() -> None:
+    """Where its guess has it: the optimum stays what it is, and a guess on both sides of zero is left both."""
+    mesh = PhaseMesh((0.0, 0.2, 0.4, 0.7, 1.0), (2,), (0,))
+    t = Transcription(there_and_back(), radau(3), {"way": mesh})
+
+    def within(speeds: list[float]) -> tuple[Bounds, Bounds]:
+        guess = {
+            "way": Guess(
+                1.0, np.linspace(0.0, 1.0, len(speeds)), np.array(speeds)[:, None], np.full((len(speeds), 1), -2.0)
+            )
+        }
+        own = Bounds(*t.bounds(guess), t.lbg, t.ubg)
+        return own, keeping_signs(t, guess, own)
+
+    own, kept = within([1.0, 0.5, 0.0, -0.3, -0.6, -0.9])
+    nodes, speeds = t.variables["way"].x, len(own.low_z[t.variables["way"].x])
+    edge = 2 * t.scheme.steps
+    assert (kept.low_z[nodes][1:edge] == 0).all()
+    assert (kept.high_z[nodes][edge + 1 :] == 0).all()
+    assert not np.isfinite(kept.high_z[nodes][1:edge]).any()
+    assert kept.low_z[nodes][edge] == kept.high_z[nodes][edge] == 0
+    free = NlpSolver(t)({"way": Guess(1.0, np.array([0.0, 1.0]), np.array([[1.0], [-1.0]]), np.full((2, 1), -2.0))})
+    assert free.success
+    again = NlpSolver(t).from_vector(free.z, bounds=(kept.low_z, kept.high_z))
+    assert again.success
+    assert again.objective == pytest.approx(free.objective, abs=1e-7)
+    own, kept = within([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    both = np.isfinite(kept.low_z[nodes]) | np.isfinite(kept.high_z[nodes])
+    assert both.sum() < speeds / 2

@@ -9,6 +9,7 @@ from hopopt.planner.attempts import (
     CALMED,
     CALMER,
     CLOSER_AIM,
+    CLOSER_AIM_FURTHER,
     CODESIGN,
     FURTHER,
     HOP,
@@ -54,7 +55,7 @@ def walked(
     [
         (SOUND, REFINEMENT, []),
         (OPEN, REFINEMENT, [RESOLVED, FURTHER]),
-        (FAILED, REFINEMENT, [CLOSER_AIM]),
+        (FAILED, REFINEMENT, [CLOSER_AIM_FURTHER, CLOSER_AIM]),
         (STOPPED, REFINEMENT, []),
         (OPEN, HOP, []),
         (FAILED, HOP, [CALMED]),

@@ -108,7 +108,8 @@ def refine_and_verify(
             resolved = with_costates(refinement)
             return None if resolved is refinement else judged(closer, resolved, clock)
         if attempt.further:
-            return judged(closer, refinement.further(aims_of(closer, until)), clock)
+            aims = replace(aims_of(closer, until), excess=attempt.margin * LIMIT)
+            return judged(closer, refinement.further(aims), clock)
         return refine_and_verify(closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed, attempts)
 
     found = judged(hop, refinement, clock)

@@ -12,6 +12,7 @@ there, it begins again without.
 import time
 from collections.abc import Mapping
 from copy import copy
+from dataclasses import replace
 from math import inf
 from typing import Self
 
@@ -44,7 +45,14 @@ from hopopt.nlp.refinement.next_mesh import (
     uncut,
     well_behind,
 )
-from hopopt.nlp.refinement.sharp.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
+from hopopt.nlp.refinement.sharp.zeros import (
+    cut_at_zeros,
+    free_at_zeros,
+    keeping_signs,
+    keeps_zeros,
+    sharp_states,
+    zeros,
+)
 from hopopt.nlp.refinement.solving import Solving, believable
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
@@ -213,7 +221,7 @@ class Refinement:
         spare = self._unneeded is not None
         warm = self._solving.warm(enforced.transcription, finer, spare)
         built = time.perf_counter()
-        begun = guess, free, (enforced.multipliers(lam_g), lam_x), bounds
+        begun = guess, free, (enforced.multipliers(lam_g), lam_x), keeping_signs(t, guess, bounds)
         solved = self._solving.solutions(old, enforced, warm, *begun, spare)
         accurate = self._kept and all(e.local.max() <= self.aims.local_error for e in self.errors.values())
         if (found := believable(solved, old, not self.between, accurate)) is None:
@@ -226,7 +234,7 @@ class Refinement:
         if self._at_zeros and not keeps_zeros(found):
             self._enforced, self._tightened, self._answered = before
             return ASTRAY
-        self._accept(enforced.at_nodes(found), built - began, time.perf_counter() - built)
+        self._accept(enforced.at_nodes(replace(found, bounds=bounds)), built - began, time.perf_counter() - built)
         return ""
 
     @property

@@ -13,7 +13,7 @@ from hopopt.nlp.refinement.continuous_limits import Enforced
 from hopopt.nlp.refinement.mesh_step import relative
 from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.refinement.sharp.gentler import led_gently
-from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver, enough
 from hopopt.nlp.transcription import Transcription
 
 MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
@@ -44,7 +44,8 @@ class Solving:
         longer = self.aims.restarts and not spare  # from the point alone it takes hundreds
         times = LONGER if longer else SHARP if self.sharp else 1
         most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
-        return NlpSolver(t, {**options, **most}, until=self.aims.until)
+        ended = enough(t.problem.objective.scale) if self.sharp else {}
+        return NlpSolver(t, {**options, **most, **ended}, until=self.aims.until)
 
     def warm(self, t: Transcription, finer: bool, spare: bool) -> NlpSolver:
         """The first to be tried: of a ``finer`` mesh, or of the same one within other limits."""

@@ -58,6 +58,20 @@ GENTLE_OPTIONS = {"ipopt.max_hessian_perturbation": 1e5}
 RESTARTED = GENTLE_OPTIONS | SETTLED  # on a finer mesh, from the point alone
 
 
+def enough(scale: float) -> dict[str, Any]:
+    """Options to end where a point is optimal to 1e-8, with complementarity of the ``scale`` of an objective [its unit] still 1e-10.
+
+    Where functions bend sharply, steps along what hardly matters go back and forth for dozens of iterations after that.
+    """
+    return {
+        "ipopt.acceptable_iter": 1,
+        "ipopt.acceptable_tol": 1e-8,
+        "ipopt.acceptable_constr_viol_tol": 1e-8,
+        "ipopt.acceptable_compl_inf_tol": 1e-10 * scale,
+        "ipopt.acceptable_obj_change_tol": 1e-8,
+    }
+
+
 REASON = 200  # characters
 LEAST_MAGNITUDE = 1e-2  # of the objective's scale
 SHORTEST, LONGEST = 1e-3, 600.0  # s that one solve is given, whatever the deadline

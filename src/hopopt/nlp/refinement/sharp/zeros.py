@@ -2,18 +2,22 @@
 
 Within an interval such a change is no polynomial: limits are passed there, and where it falls between the nodes decides
 how much. So an edge is set at each zero and is free: the state is zero there, whenever that is. Intervals beside it are as
-short as the change asks for. Where a state passes zero no more, its edge is one like any other on the next mesh.
+short as the change asks for. Where a state passes zero no more, its edge is one like any other on the next mesh. Between
+its free zeros a state keeps its sign at the nodes: a node that goes to the other side and back costs Newton's method most of
+its iterations.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.solver.ipopt import NlpSolution
+from hopopt.nlp.solver.ipopt import Bounds, NlpSolution
 from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import Problem
 
 SAMPLES = 33  # in each interval, where zeros are looked for
@@ -79,6 +83,32 @@ def keeps_zeros(solution: NlpSolution) -> bool:
             if not any(z.component == component and abs(z.place - places[k]) <= LINGERS * z.width for z in found):
                 return False
     return True
+
+
+def keeping_signs(t: Transcription, guess: Mapping[str, Any], bounds: Bounds) -> Bounds:
+    """The bounds and, at nodes between free zeros at which a guess has its state's sign there, zero as another."""
+    low, high, z = bounds.low_z.copy(), bounds.high_z.copy(), t.pack(guess)
+    for name, layout in t.layouts.items():
+        mesh, sharp = layout.mesh, layout.phase.columns(layout.phase.states, "sharp")
+        low_x, high_x, x = (side[t.variables[name].x].reshape(layout.state_nodes, -1) for side in (low, high, z))
+        scale = layout.phase.columns(layout.phase.states, "scale")
+        for component in set(mesh.zeros):
+            edges = [k for k, c in zip(mesh.free, mesh.zeros, strict=True) if c == component]
+            at = [-1, *(k * t.scheme.steps for k in edges), layout.state_nodes]
+            for first, last in pairwise(at):
+                nodes = np.arange(first + 1, last)
+                beyond = nodes[np.abs(x[nodes, component]) * scale[component] > BEYOND * sharp[component]]
+                signs = np.unique(np.sign(x[beyond, component]))
+                if signs.size != 1:  # it has none, or both
+                    continue
+                begins = beyond[0] if first < 0 else nodes[0]  # at the phase's ends it may still be on either side
+                ends = beyond[-1] if last == layout.state_nodes else nodes[-1]
+                kept = nodes[(nodes >= begins) & (nodes <= ends) & (x[nodes, component] * signs[0] >= 0)]
+                if signs[0] > 0:
+                    low_x[kept, component] = np.maximum(low_x[kept, component], 0.0)
+                else:
+                    high_x[kept, component] = np.minimum(high_x[kept, component], 0.0)
+    return replace(bounds, low_z=low, high_z=high)
 
 
 def cut_at_zeros(p: PhaseTrajectory, normalised_times: list[np.ndarray], passed: Sequence[Zero]) -> list[np.ndarray]:
