@@ -21,7 +21,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from random_legs import feasible_legs, loaded
 
-import hopopt as ho
+from hopopt import solve
 from hopopt.errors import HopoptError, one_line
 
 KINDS = ("lossless", "lossy gears", "lossy gears, weak supply")
@@ -52,7 +52,7 @@ def solved(entries: dict[str, Any], starts: int) -> Ended:
     """A leg's answer."""
     began = time.process_time()
     try:
-        s = ho.solve(loaded(entries), starts=starts, processes=1, time_limit=LIMIT)
+        s = solve(loaded(entries), starts=starts, processes=1, time_limit=LIMIT)
     except HopoptError as error:
         return np.nan, one_line(error), time.process_time() - began
     words = "certified" if s.summary.certified else "verified" if s.verified else "not verified"

@@ -309,7 +309,7 @@ def test_mismatched_legs_hop_if_enough_is_held_back(solution, monkeypatch):
     assert found["p05_m"] > 0.9 * robust.plan.clearance
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_what_can_be_had_stands_in_the_answer_and_is_verified_by_simulating_again(solution, monkeypatch):
     had = can_be_had(solution, 3, processes=2)
     assert had.bound_m == had.ideal_bound_m == solution.clearance  # no friction is given

@@ -195,6 +195,7 @@ def test_the_settled_hop_keeps_all_that_the_ladder_withholds() -> None:
     assert length.min() > drawn_up.terms.lower
 
 
+@pytest.mark.slow
 def test_without_a_strategy_that_hops_on_there_is_no_ladder() -> None:
     fallen = Hops(replace(three_hops().run, trace=replace(three_hops().run.trace, outcome="it fell")), 5)
     with pytest.raises(UsageError, match="no PD strategy of this comparison hops within every limit"):

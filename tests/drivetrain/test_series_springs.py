@@ -163,7 +163,7 @@ def test_the_papers_leg_with_a_soft_drive_is_verified_and_other_code_reaches_its
     assert re.search(r"series spring of the knee: [\d.]+ J stored at the start", shown.stdout)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_where_the_springs_are_ever_stiffer_the_answer_becomes_that_of_the_stiff_leg() -> None:
     """On one mesh, unrefined; it falls as 1 / k, so that ten times the stiffness leaves a tenth."""
     mesh = (

@@ -164,6 +164,7 @@ def test_slider_agrees_with_the_reduced_hop() -> None:
     assert search(design, 13).value + tuck == pytest.approx(by_dynamic_programming(design, 78), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_motions_meet_nothing_and_keep_the_trunk_above_the_ground(tmp_path: Path) -> None:
     """A bar behind the hip, which the folded shank would pass, and below it a plate: coal's distances of all states."""
     (tmp_path / "bar.toml").write_text(

@@ -14,7 +14,7 @@ from hopopt.nlp.refinement import solving
 from hopopt.nlp.refinement.continuous_limits import enforcing, nothing_enforced
 from hopopt.nlp.refinement.mesh_refinement import UNSOLVED, Refinement
 from hopopt.nlp.refinement.sharp.gentler import led_gently
-from hopopt.nlp.solver.ipopt import Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import Bounds, NlpSolution, NlpSolver, enough
 from hopopt.nlp.solver.kkt_residuals import residuals
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
@@ -59,8 +59,8 @@ def test_it_leads_to_an_optimum_that_is_no_worse_than_where_it_began() -> None:
     s = solved()
     t = s.transcription
 
-    def solver(program: Transcription, options: Mapping[str, Any]) -> NlpSolver:
-        return NlpSolver(program, options)
+    def solver(program: Transcription, options: Mapping[str, Any], steps: int = 10) -> NlpSolver:
+        return NlpSolver(program, {**options, **enough(program.problem.objective.scale, steps)})
 
     program = enforcing(t, nothing_enforced(t))
     guess, bounds = t.guess_from(s.phases), Bounds(*t.bounds({}), t.lbg, t.ubg)
@@ -80,6 +80,7 @@ def test_without_losses_there_is_none() -> None:
     assert lossy().tied(0.0).gentler is None  # its objective is another
 
 
+@pytest.mark.slow
 def test_a_mesh_that_is_not_solved_at_once_is_led_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """What would end unsolved goes on."""
     aims = replace(aims_of(lossy(), NEVER), meshes=2)

@@ -12,6 +12,7 @@ from hopopt.nlp.refinement.next_mesh import Aims, any_cut, cut, equal
 from hopopt.nlp.refinement.sharp.zeros import (
     cut_at_zeros,
     free_at_zeros,
+    held_by_sign,
     keeping_signs,
     keeps_zeros,
     sharp_states,
@@ -112,32 +113,40 @@ def test_a_state_that_touches_zero_at_an_edge_and_goes_back_does_not_pass_it() -
     assert keeps_zeros(solved(forwards, uniform(4)))
 
 
+def towards(speeds: list[float]) -> Guess:
+    """Within 1 s through these speeds at equal times."""
+    return Guess(1.0, np.linspace(0.0, 1.0, len(speeds)), np.array(speeds)[:, None], np.full((len(speeds), 1), -2.0))
+
+
+def signed(t: Transcription, guess: Guess, everywhere: bool = False) -> tuple[Bounds, Bounds]:
+    """The program's own bounds, and those within which the speed keeps the guess's sign."""
+    own = Bounds(*t.bounds({"way": guess}), t.lbg, t.ubg)
+    return own, keeping_signs(t, {"way": guess}, own, everywhere)
+
+
 def test_between_its_zeros_a_state_keeps_its_sign() -> None:
-    """Where its guess has it: the optimum stays what it is, and a guess on both sides of zero is left both."""
-    mesh = PhaseMesh((0.0, 0.2, 0.4, 0.7, 1.0), (2,), (0,))
-    t = Transcription(there_and_back(), radau(3), {"way": mesh})
-
-    def within(speeds: list[float]) -> tuple[Bounds, Bounds]:
-        guess = {
-            "way": Guess(
-                1.0, np.linspace(0.0, 1.0, len(speeds)), np.array(speeds)[:, None], np.full((len(speeds), 1), -2.0)
-            )
-        }
-        own = Bounds(*t.bounds(guess), t.lbg, t.ubg)
-        return own, keeping_signs(t, guess, own)
-
-    own, kept = within([1.0, 0.5, 0.0, -0.3, -0.6, -0.9])
-    nodes, speeds = t.variables["way"].x, len(own.low_z[t.variables["way"].x])
-    edge = 2 * t.scheme.steps
+    """And is not held by that where the guess has the optimum's signs."""
+    t = Transcription(there_and_back(), radau(3), {"way": PhaseMesh((0.0, 0.2, 0.4, 0.7, 1.0), (2,), (0,))})
+    guess = towards([1.0, 0.5, 0.0, -0.3, -0.6, -0.9])
+    own, kept = signed(t, guess)
+    nodes, edge = t.variables["way"].x, 2 * t.scheme.steps
     assert (kept.low_z[nodes][1:edge] == 0).all()
     assert (kept.high_z[nodes][edge + 1 :] == 0).all()
     assert not np.isfinite(kept.high_z[nodes][1:edge]).any()
     assert kept.low_z[nodes][edge] == kept.high_z[nodes][edge] == 0
-    free = NlpSolver(t)({"way": Guess(1.0, np.array([0.0, 1.0]), np.array([[1.0], [-1.0]]), np.full((2, 1), -2.0))})
+    free, within = (NlpSolver(t)({"way": guess}, bounds=bounds) for bounds in (own, kept))
     assert free.success
-    again = NlpSolver(t).from_vector(free.z, bounds=(kept.low_z, kept.high_z))
-    assert again.success
-    assert again.objective == pytest.approx(free.objective, abs=1e-7)
-    own, kept = within([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-    both = np.isfinite(kept.low_z[nodes]) | np.isfinite(kept.high_z[nodes])
-    assert both.sum() < speeds / 2
+    assert within.success
+    assert within.objective == pytest.approx(free.objective, abs=1e-7)
+    assert not held_by_sign(within, own)
+
+
+def test_a_sign_that_holds_a_state_from_something_better_is_found() -> None:
+    """Driven to the highest speed forwards, the mass would be kept from it by the signs of a guess that goes back."""
+    forwards = replace(there_and_back(), objective=Objective("speed", lambda e: -e.final["way"].v))
+    t = Transcription(forwards, radau(3), {"way": uniform(4)})
+    own, kept = signed(t, towards([1.0, -1.0]), everywhere=True)
+    found = NlpSolver(t)({"way": towards([1.0, -1.0])}, bounds=kept)
+    assert found.success
+    assert held_by_sign(found, own)
+    assert found.objective > -0.1 > NlpSolver(t).again(found, own).objective

@@ -54,6 +54,7 @@ def test_with_free_switch_times_it_is_the_same_hop() -> None:
     assert again.clearance == pytest.approx(soft().clearance, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_the_ground_gives_what_gravity_takes() -> None:
     """From rest to rest: the impulses of push, impact and landing are the weight's over the whole hop, and 0 along x."""
     plan, machine = quick(), Machine(quick().robot)

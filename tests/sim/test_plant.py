@@ -356,6 +356,7 @@ def regions(draw: st.DrawFn) -> OperatingRegion:
     return OperatingRegion((*planes, *(HalfPlane("more", a, b) for a, b in more if a == 0 or abs(a) > 1e-3)))
 
 
+@pytest.mark.slow
 @settings(deadline=None)  # the first call compiles
 @given(
     st.lists(

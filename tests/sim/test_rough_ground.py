@@ -95,7 +95,7 @@ def test_gears_pass_on_what_their_law_says_where_they_turn_from_driving_to_braki
         np.testing.assert_allclose(motor_torque(gear, tau, v[2:], a[2:], plant.robot.rotors), motor, atol=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 @quick
 @given(legs_in_motion(OTHER_COUNTS, plane=True))
 def test_compiled_dynamics_of_any_leg(case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray]) -> None:

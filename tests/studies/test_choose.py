@@ -278,7 +278,7 @@ def test_drives_that_push_through_rods_beside_a_spring_are_chosen(tmp_path: Path
     assert first.energy == pytest.approx(np.trapezoid(np.maximum(powers, 0).sum(axis=0), push.t), rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.rarely
 def test_a_pair_that_clears_only_with_too_hot_a_winding_does_not_clear(tmp_path: Path) -> None:
     """Verified is the written leg, whose motor must stay below 155 degC, and not the list's, which knows no heat."""
     first = list[Choice]()

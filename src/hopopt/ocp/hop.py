@@ -19,7 +19,7 @@ from hopopt.ocp.hops.periodic import hop_after_hop
 from hopopt.ocp.hops.to_rest import to_rest
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import find
-from hopopt.ocp.objectives.tie_break import EFFORT, LOOPED, effort, largest_effort
+from hopopt.ocp.objectives.tie_break import EFFORT, LOOPED, REVERSING, effort, largest_effort
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Ends, Gentler, Objective, Parameter, PathConstraint, Phase, Problem
 from hopopt.ocp.rules import rules_of
@@ -123,9 +123,9 @@ class Hop(MovingLeg):
     @property
     def tie_break(self) -> float:
         """Weight of the effort in the objective [objective's unit per second]."""
-        looped = LOOPED if self.loops else 1.0
-        goal = self.objective
-        return looped * self.design.solver.tie_break * goal.tie_break(self) * goal.scale(self)
+        times, goal = (LOOPED if self.loops else 1.0), self.objective
+        times *= REVERSING if reversing_speeds(self).any() else 1.0
+        return times * self.design.solver.tie_break * goal.tie_break(self) * goal.scale(self)
 
     @property
     def tie_break_bias(self) -> float:

@@ -107,10 +107,12 @@ def refine_and_verify(
         if attempt.costates:
             resolved = with_costates(refinement)
             return None if resolved is refinement else judged(closer, resolved, clock)
+        more = None
         if attempt.further:
-            aims = replace(aims_of(closer, until), excess=attempt.margin * LIMIT)
-            return judged(closer, refinement.further(aims), clock)
-        return refine_and_verify(closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed, attempts)
+            more = refinement.further(replace(aims_of(closer, until), excess=attempt.margin * LIMIT))
+        return refine_and_verify(
+            closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed, attempts, more
+        )
 
     found = judged(hop, refinement, clock)
     return tried_again(hop, found, attempts, again, lambda answer: answer.trial, say, until)[1]

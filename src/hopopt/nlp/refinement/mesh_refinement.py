@@ -12,7 +12,6 @@ there, it begins again without.
 import time
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import replace
 from math import inf
 from typing import Self
 
@@ -48,7 +47,6 @@ from hopopt.nlp.refinement.next_mesh import (
 from hopopt.nlp.refinement.sharp.zeros import (
     cut_at_zeros,
     free_at_zeros,
-    keeping_signs,
     keeps_zeros,
     sharp_states,
     zeros,
@@ -63,6 +61,7 @@ from hopopt.nlp.transcription import Transcription
 FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
 TIGHTENING_ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
+ROOM = 1.3  # times as many where a few intervals more are all that a certificate asks for
 # How a refinement ends:
 MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
 TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
@@ -98,7 +97,7 @@ class Refinement:
     def _begin(self) -> None:
         """With the solution on the first mesh."""
         solution, enforced = self._first
-        self.history, self._solving.ways = list[MeshStep](), WAYS
+        self.history, self._solving.ways, self._solving.gently = list[MeshStep](), WAYS, None
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh
         # limits that are not enforced by their hulls, as these leave no room, (1, path limits)
@@ -136,7 +135,8 @@ class Refinement:
         """Another one that first cuts intervals into so many equal pieces, by phase, (N,) each, and goes on from there; None if
         that cannot be solved. This stays as it is."""
         other = self._going_on()
-        return None if other._solve_on({name: equal(n) for name, n in pieces.items()}) else other.run()
+        cuts = {name: equal(n) for name, n in pieces.items()}
+        return None if other._solve_on(cuts, ROOM) else other.run()
 
     def _going_on(self) -> Self:
         """Another one that is where this ended, and may go on from there."""
@@ -196,9 +196,12 @@ class Refinement:
 
     # ---- the next mesh's program ---------------------------------------------------------------------------
 
-    def _solve_on(self, cuts: Cuts) -> str:
-        """Solve on the next mesh, which may be the same, with limits enforced and tightened; why not, if that fails."""
-        if (fewer := fitting(cuts, self._measured.urgency(self.aims), FINEST)) is None:
+    def _solve_on(self, cuts: Cuts, room: float = 1.0) -> str:
+        """Solve on the next mesh, which may be the same, with limits enforced and tightened; why not, if that fails.
+
+        room: so many times FINEST intervals are the most
+        """
+        if (fewer := fitting(cuts, self._measured.urgency(self.aims), int(room * FINEST))) is None:
             return TOO_FINE
         old, began, before = self.solution, time.perf_counter(), (self._enforced, self._tightened, self._answered)
         passed_at = {name: zeros(old, name) if self._at_zeros else [] for name in fewer}
@@ -221,20 +224,20 @@ class Refinement:
         spare = self._unneeded is not None
         warm = self._solving.warm(enforced.transcription, finer, spare)
         built = time.perf_counter()
-        begun = guess, free, (enforced.multipliers(lam_g), lam_x), keeping_signs(t, guess, bounds)
-        solved = self._solving.solutions(old, enforced, warm, *begun, spare)
+        begun = guess, free, (enforced.multipliers(lam_g), lam_x), bounds
+        solved = self._solving.solutions(old, enforced, warm, *begun, spare, any_cut(cuts))
         accurate = self._kept and all(e.local.max() <= self.aims.local_error for e in self.errors.values())
         if (found := believable(solved, old, not self.between, accurate)) is None:
             unneeded, (self._enforced, self._tightened, self._answered) = self._unneeded, before
             if unneeded is not None:
                 self._touched = dict(unneeded)
                 self._enforced = {name: on & ~unneeded[name] for name, on in self._enforced.items()}
-                return self._solve_on(cuts)
+                return self._solve_on(cuts, room)
             return OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
         if self._at_zeros and not keeps_zeros(found):
             self._enforced, self._tightened, self._answered = before
             return ASTRAY
-        self._accept(enforced.at_nodes(replace(found, bounds=bounds)), built - began, time.perf_counter() - built)
+        self._accept(enforced.at_nodes(found), built - began, time.perf_counter() - built)
         return ""
 
     @property

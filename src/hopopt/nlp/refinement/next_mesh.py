@@ -224,7 +224,7 @@ def fitting(cuts: Cuts, urgency: Mapping[str, np.ndarray], most: int) -> Cuts | 
     """
     more = np.concatenate([pieces_of(own) - 1 for own in cuts.values()])
     now = len(more)
-    if now + more.sum() <= most:
+    if not more.any() or now + more.sum() <= most:
         return cuts
     room, chosen = min(most, int(GROWTH * now)) - now, np.zeros(now, dtype=bool)
     first = np.argsort(-np.concatenate([urgency[name] for name in cuts]) * (more > 0), kind="stable")

@@ -5,7 +5,7 @@ alone are left.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -13,6 +13,7 @@ from hopopt.nlp.refinement.continuous_limits import Enforced
 from hopopt.nlp.refinement.mesh_step import relative
 from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.refinement.sharp.gentler import led_gently
+from hopopt.nlp.refinement.sharp.zeros import held_by_sign, keeping_signs
 from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver, enough
 from hopopt.nlp.transcription import Transcription
 
@@ -20,6 +21,7 @@ MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much
 AGREED = 1e-4  # relative
 CARRIED_ITERATIONS = 60  # from carried multipliers
 SHARP = 3  # times as many where states have sharp zeros
+STEPS = 5  # in a row that are good, which end a solve there
 LONGER = 5  # times as many before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 
@@ -32,19 +34,23 @@ class Solving:
     sharp: whether states have sharp zeros
     restarts_left: iterations from points alone that failed solves may still cost
     ways: Ipopt's options from carried multipliers, those that succeeded last first
+    gently: whether a finer mesh is first tried by way of gentler programs; None before there was one: then it is, as a first mesh
+        hardly knows where states are zero
     """
 
     aims: Aims
     sharp: bool
     restarts_left: int
     ways: tuple[Mapping[str, Any], ...] = WAYS
+    gently: bool | None = None
 
-    def solver(self, t: Transcription, options: Mapping[str, Any], spare: bool) -> NlpSolver:
-        """Ipopt from what is known; not for long if there is something else to try, which is ``spare``."""
+    def solver(self, t: Transcription, options: Mapping[str, Any], spare: bool, steps: int = STEPS) -> NlpSolver:
+        """Ipopt from what is known; not for long if there is something else to try, which is ``spare``. ``steps``: so many that are
+        good in a row end it where states have sharp zeros."""
         longer = self.aims.restarts and not spare  # from the point alone it takes hundreds
         times = LONGER if longer else SHARP if self.sharp else 1
         most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
-        ended = enough(t.problem.objective.scale) if self.sharp else {}
+        ended = enough(t.problem.objective.scale, steps) if self.sharp else {}
         return NlpSolver(t, {**options, **most, **ended}, until=self.aims.until)
 
     def warm(self, t: Transcription, finer: bool, spare: bool) -> NlpSolver:
@@ -53,21 +59,39 @@ class Solving:
 
     def solutions(
         self, last: NlpSolution, program: Enforced, warm: NlpSolver, guess: Any, free: Mapping[str, Any],
-        multipliers: Multipliers, bounds: Bounds, spare: bool,
+        multipliers: Multipliers, bounds: Bounds, spare: bool, is_cut: bool,
     ) -> list[NlpSolution]:  # fmt: skip
         """What was solved from the last mesh's point and multipliers, where that fails gently or in another way, and then, until a
-        solution is no worse than that mesh's, from the point alone; the latter not if something is ``spare``, to be tried next."""
+        solution is no worse than that mesh's, from the point alone; the latter not if something is ``spare``, to be tried next.
+        On a mesh that ``is_cut`` gently first, once another way has failed."""
 
-        def solver(t: Transcription, options: Mapping[str, Any]) -> NlpSolver:
-            return self.solver(t, options, spare)
+        def solver(t: Transcription, options: Mapping[str, Any], steps: int = STEPS) -> NlpSolver:
+            return self.solver(t, options, spare, steps)
 
-        until = self.aims.until
-        tried = [warm(guess, free, multipliers, bounds)]
-        if not tried[0].success and not until.passed:
-            tried = [led_gently(program, solver, guess, free, multipliers, bounds) or tried[0]]
-        if self.sharp and not tried[0].success and not until.passed:
-            tried = [solver(warm.transcription, self.ways[1])(guess, free, multipliers, bounds)]
-            self.ways = self.ways[::-1] if tried[0].success else self.ways
+        def known() -> NlpSolution:
+            return self._with_signs(warm, program.given, guess, free, multipliers, bounds, spare, is_cut)
+
+        def gently() -> NlpSolution | None:
+            return led_gently(program, solver, guess, free, multipliers, bounds)
+
+        def otherwise() -> NlpSolution | None:
+            if not self.sharp:
+                return None
+            other = solver(warm.transcription, self.ways[1])
+            found = self._with_signs(other, program.given, guess, free, multipliers, bounds, spare, is_cut)
+            self.ways = self.ways[::-1] if found.success else self.ways
+            return found
+
+        until, tried, way = self.aims.until, list[NlpSolution](), known
+        for way in (gently, known, otherwise) if is_cut and self.gently is not False else (known, gently, otherwise):
+            if until.passed and tried:
+                break
+            if (found := way()) is not None:
+                tried = [found]
+                if found.success:
+                    break
+        if is_cut:
+            self.gently = self.gently is not None and (self.gently or way is gently)
         if not tried[0].success and spare:
             return []
         for strategy in RESTARTS:
@@ -80,6 +104,19 @@ class Solving:
             tried.append(NlpSolver(warm.transcription, options, until=until)(guess, free, None, bounds))
             self.restarts_left = max(0, self.restarts_left - tried[-1].iterations)
         return [s for s in tried if s.success]
+
+    def _with_signs(
+        self, solver: NlpSolver, t: Transcription, guess: Any, free: Mapping[str, Any], multipliers: Multipliers,
+        bounds: Bounds, spare: bool, is_cut: bool,
+    ) -> NlpSolution:  # fmt: skip
+        """Solved with sharp states on their side of zero and, if that holds it, once more without; no success if that fails."""
+        if not self.sharp:
+            return solver(guess, free, multipliers, bounds)
+        s = solver(guess, free, multipliers, keeping_signs(t, guess, bounds, everywhere=not is_cut))
+        if s.success and held_by_sign(s, bounds):
+            again = self.solver(s.transcription, NEAR_OPTIONS, spare).again(s, bounds)
+            return replace(again, iterations=s.iterations + again.iterations)
+        return replace(s, bounds=bounds)
 
 
 def believable(solved: Sequence[NlpSolution], last: NlpSolution, at_nodes: bool, accurate: bool) -> NlpSolution | None:

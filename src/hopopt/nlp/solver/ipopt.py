@@ -58,13 +58,11 @@ GENTLE_OPTIONS = {"ipopt.max_hessian_perturbation": 1e5}
 RESTARTED = GENTLE_OPTIONS | SETTLED  # on a finer mesh, from the point alone
 
 
-def enough(scale: float) -> dict[str, Any]:
-    """Options to end where a point is optimal to 1e-8, with complementarity of the ``scale`` of an objective [its unit] still 1e-10.
-
-    Where functions bend sharply, steps along what hardly matters go back and forth for dozens of iterations after that.
-    """
+def enough(scale: float, steps: int) -> dict[str, Any]:
+    """Options to end after so many steps in a row that are optimal to 1e-8, with complementarity still to 1e-10 of the ``scale`` of the
+    objective [its unit]: where functions bend sharply, steps along what hardly matters go back and forth for dozens more."""
     return {
-        "ipopt.acceptable_iter": 1,
+        "ipopt.acceptable_iter": steps,
         "ipopt.acceptable_tol": 1e-8,
         "ipopt.acceptable_constr_viol_tol": 1e-8,
         "ipopt.acceptable_compl_inf_tol": 1e-10 * scale,

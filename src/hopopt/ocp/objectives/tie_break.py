@@ -15,6 +15,8 @@ from hopopt.ocp.problem import Instant
 EFFORT = "effort"  # the name of its integral
 LOOPED = 10.0  # times its weight, of a leg that closes a loop in stance: there torques can hold against each other
 
+REVERSING = 10.0  # and where gears turn from driving to braking: torques that hardly matter chatter there, which asks for finer meshes
+
 
 def effort(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
     """Sum over the joints of (tau / stall torque)^2, to be integrated; tau is what the motors are asked for. Where the rate of

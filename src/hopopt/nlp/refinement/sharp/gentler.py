@@ -15,7 +15,8 @@ from hopopt.nlp.refinement.continuous_limits import Enforced, enforcing
 from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 
-Solver = Callable[[Transcription, Mapping[str, Any]], NlpSolver]
+GOOD = 1  # steps that end a solve which the next begins from
+Solver = Callable[..., NlpSolver]  # of a program, options and, if that is given, how many good steps in a row end it
 
 
 def led_gently(
@@ -24,7 +25,7 @@ def led_gently(
     """The program's solution by way of the gentler problem's, with the iterations of all steps; None if it has none, or a step
     fails.
 
-    solver: makes one for a program, from options
+    solver: makes one for a program, from options and how many good steps in a row end it
     guess, free, multipliers, bounds: where the gentler one begins, as of ``NlpSolver``
     """
     t = program.given
@@ -36,10 +37,10 @@ def led_gently(
     ).transcription
     if not np.array_equal(easier.scale, t.scale):  # of a program that has been given the numbers of another leg
         return None
-    s = solver(easier, WAYS[0])(guess, {**free, gentler.number: first}, multipliers, bounds)
+    s = solver(easier, WAYS[0], GOOD)(guess, {**free, gentler.number: first}, multipliers, bounds)
     if not s.success:
         return None
-    near, iterations = solver(easier, NEAR_OPTIONS), s.iterations
+    near, iterations = solver(easier, NEAR_OPTIONS, GOOD), s.iterations
     for value in others:
         s = near.again(replace(s, p=easier.parameter_values({gentler.number: value})), bounds)
         iterations += s.iterations

@@ -26,6 +26,7 @@ LINGERS = 2 * BEYOND  # widths within which a zero is that of an edge: it takes 
 APART = 0.01  # share of the phase: nearer to another, or to an end, a zero's edge is not free
 GRADES = (0.0, 1.0, 2.0, 4.0, 8.0)  # edges beside a zero, by how long the state takes through the range
 LONG = 1.5  # times as long as it is to be: a longer interval is cut
+HELD = 1e-6  # of the objective's scale: a multiplier below is noise
 SAME = 0.35  # share of what an interval is to be, by which another edge may be away
 
 
@@ -85,30 +86,43 @@ def keeps_zeros(solution: NlpSolution) -> bool:
     return True
 
 
-def keeping_signs(t: Transcription, guess: Mapping[str, Any], bounds: Bounds) -> Bounds:
-    """The bounds and, at nodes between free zeros at which a guess has its state's sign there, zero as another."""
+def keeping_signs(t: Transcription, guess: Mapping[str, Any], bounds: Bounds, everywhere: bool) -> Bounds:
+    """The bounds and zero as another, at nodes at which sharp states are to keep the sign that a guess has there: between free
+    zeros and, if ``everywhere``, all that are well beyond their sharp change, as a guess on the same mesh knows them."""
     low, high, z = bounds.low_z.copy(), bounds.high_z.copy(), t.pack(guess)
     for name, layout in t.layouts.items():
-        mesh, sharp = layout.mesh, layout.phase.columns(layout.phase.states, "sharp")
+        sharp, scale = (layout.phase.columns(layout.phase.states, what) for what in ("sharp", "scale"))
         low_x, high_x, x = (side[t.variables[name].x].reshape(layout.state_nodes, -1) for side in (low, high, z))
-        scale = layout.phase.columns(layout.phase.states, "scale")
-        for component in set(mesh.zeros):
-            edges = [k for k, c in zip(mesh.free, mesh.zeros, strict=True) if c == component]
-            at = [-1, *(k * t.scheme.steps for k in edges), layout.state_nodes]
-            for first, last in pairwise(at):
-                nodes = np.arange(first + 1, last)
-                beyond = nodes[np.abs(x[nodes, component]) * scale[component] > BEYOND * sharp[component]]
-                signs = np.unique(np.sign(x[beyond, component]))
-                if signs.size != 1:  # it has none, or both
-                    continue
-                begins = beyond[0] if first < 0 else nodes[0]  # at the phase's ends it may still be on either side
-                ends = beyond[-1] if last == layout.state_nodes else nodes[-1]
-                kept = nodes[(nodes >= begins) & (nodes <= ends) & (x[nodes, component] * signs[0] >= 0)]
-                if signs[0] > 0:
-                    low_x[kept, component] = np.maximum(low_x[kept, component], 0.0)
-                else:
-                    high_x[kept, component] = np.minimum(high_x[kept, component], 0.0)
+        for component in np.flatnonzero(sharp):
+            free = zip(layout.mesh.free, layout.mesh.zeros, strict=True) if layout.mesh.zeros else ()
+            edges = [k * t.scheme.steps for k, c in free if c == component]
+            speeds = scale[component] * x[:, component]
+            kept = _kept(edges, speeds, float(sharp[component]), everywhere)
+            up, down = (kept & (side * x[:, component] > 0) for side in (1, -1))
+            low_x[up, component] = np.maximum(low_x[up, component], 0.0)
+            high_x[down, component] = np.minimum(high_x[down, component], 0.0)
     return replace(bounds, low_z=low, high_z=high)
+
+
+def _kept(edges: Sequence[int], x: np.ndarray, sharp: float, everywhere: bool) -> np.ndarray:
+    """At which nodes a state keeps the sign of x, (nodes,); edges: nodes at which it is zero."""
+    beyond = np.flatnonzero(np.abs(x) > BEYOND * sharp)
+    kept = np.zeros(len(x), dtype=bool)
+    kept[beyond] = everywhere
+    for first, last in pairwise([-1, *edges, len(x)]) if edges else ():
+        far = beyond[(beyond > first) & (beyond < last)]
+        if not far.size or np.ptp(np.sign(x[far])):  # it has no sign there, or both
+            continue
+        begins = far[0] if first < 0 else first + 1  # at the phase's ends it may still be on either side
+        ends = far[-1] + 1 if last == len(x) else last
+        kept[begins:ends] |= np.sign(x[begins:ends]) == np.sign(x[far[0]])
+    return kept
+
+
+def held_by_sign(s: NlpSolution, bounds: Bounds) -> bool:
+    """Whether a zero that ``keeping_signs`` added to these bounds holds a solution from something better."""
+    added = (s.bounds.low_z != bounds.low_z) | (s.bounds.high_z != bounds.high_z)
+    return bool((np.abs(s.lam_x[added]) > HELD * s.transcription.problem.objective.scale).any())
 
 
 def cut_at_zeros(p: PhaseTrajectory, normalised_times: list[np.ndarray], passed: Sequence[Zero]) -> list[np.ndarray]:
