@@ -232,3 +232,10 @@ def test_one_value_is_stated_of_a_hop(objective: str) -> None:
     assert start.objective == pytest.approx(s.reached, abs=coarse)  # on the first mesh
     assert s.objective_error.could_be_beaten_by is not None
     assert s.objective_error.could_be_beaten_by > s.tie_break_weighs > 0
+
+
+@pytest.mark.parametrize(("gear", "times"), [("efficiency=0.9", 10), ("friction=0.1", 10), ("damping=0.01", 1)])
+def test_where_gears_turn_from_driving_to_braking_the_tie_break_weighs_more(gear: str, times: float) -> None:
+    """Those with viscous friction alone do not."""
+    lossless, lossy = (Hop(load("paper", entries)).tie_break for entries in ([], [f"leg.gear.{gear}"]))
+    assert lossy == pytest.approx(times * lossless)
