@@ -12,10 +12,10 @@ from hopopt.nlp.refinement.next_mesh import Aims, any_cut, cut, equal
 from hopopt.nlp.refinement.sharp.zeros import (
     cut_at_zeros,
     free_at_zeros,
-    held_by_sign,
     keeping_signs,
     keeps_zeros,
     sharp_states,
+    without_signs,
     zeros,
 )
 from hopopt.nlp.schemes import radau
@@ -138,7 +138,7 @@ def test_between_its_zeros_a_state_keeps_its_sign() -> None:
     assert free.success
     assert within.success
     assert within.objective == pytest.approx(free.objective, abs=1e-7)
-    assert not held_by_sign(within, own)
+    assert not without_signs(within, own)[1]
 
 
 def test_a_sign_that_holds_a_state_from_something_better_is_found() -> None:
@@ -148,5 +148,7 @@ def test_a_sign_that_holds_a_state_from_something_better_is_found() -> None:
     own, kept = signed(t, towards([1.0, -1.0]), everywhere=True)
     found = NlpSolver(t)({"way": towards([1.0, -1.0])}, bounds=kept)
     assert found.success
-    assert held_by_sign(found, own)
-    assert found.objective > -0.1 > NlpSolver(t).again(found, own).objective
+    released, held = without_signs(found, own)
+    assert held
+    assert released.bounds is own
+    assert found.objective > -0.1 > NlpSolver(t).again(released, own).objective

@@ -10,6 +10,7 @@ import pytest
 from hopopt.evidence import family_optima, local_optima
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import first_transcription
 from hopopt.problem.load import load
@@ -96,3 +97,18 @@ def test_a_varied_entry_that_the_problem_does_not_state_is_in_the_program_of_its
         hop = Hop(definition.design_at(k), "clearance")
         t, _ = programs.first_program(definition, hop, definition.values(k), NEVER)
         assert {p.name: p.value for p in t.fixed}[entry] == value
+
+
+def test_a_point_without_losses_has_its_own_tie_break() -> None:
+    """Where gears turn from driving to braking it weighs more: in the program as in what a point says of it."""
+    definition = define(load("paper", {**SMALL, "leg.gear.efficiency": 0.9}), {"leg.gear.efficiency": [0.8, 1.0]})
+    for k in range(2):
+        hop = Hop(definition.design_at(k), "clearance")
+        guess, costs, told = make_guess(hop, NAMED_STARTS[0]), list[float](), list[float]()
+        for t in (first_program(definition, k), first_transcription(hop)):
+            z, p = t.pack(guess), t.parameter_values()
+            cost = ca.Function("cost", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"]])
+            costs.append(float(cost(z, p)))  # type: ignore[arg-type]
+            told.append(t.tie_break(z, p))
+        assert costs[0] == pytest.approx(costs[1], rel=1e-12)
+        assert told[0] == pytest.approx(told[1], rel=1e-12)

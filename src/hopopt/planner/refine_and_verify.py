@@ -109,7 +109,10 @@ def refine_and_verify(
             return None if resolved is refinement else judged(closer, resolved, clock)
         more = None
         if attempt.further:
-            more = refinement.further(replace(aims_of(closer, until), excess=attempt.margin * LIMIT))
+            own = {"excess": attempt.margin * LIMIT, "restarts": refinement.aims.restarts}
+            more = refinement.further(replace(aims_of(closer, until), **own))
+            if len(more.history) == len(refinement.history):  # it goes no further
+                return None
         return refine_and_verify(
             closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed, attempts, more
         )

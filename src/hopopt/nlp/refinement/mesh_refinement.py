@@ -61,7 +61,7 @@ from hopopt.nlp.transcription import Transcription
 FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
 TIGHTENING_ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
-ROOM = 1.3  # times as many where a few intervals more are all that a certificate asks for
+ROOM = 1.3  # times as many where a mesh was found and some more intervals are asked for
 # How a refinement ends:
 MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
 TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
@@ -91,13 +91,15 @@ class Refinement:
         self.between = holds(solution.transcription) if between is None else between
         self._sharp = self.between and sharp_states(solution.transcription.problem)
         self._at_zeros = self._sharp  # whether edges are set where states are zero
+        self._room = 1.0  # so many times FINEST are the most intervals
         self._solving = Solving(aims, self._sharp, round(aims.restarts * aims.iterations))
         self._begin()
 
     def _begin(self) -> None:
         """With the solution on the first mesh."""
         solution, enforced = self._first
-        self.history, self._solving.ways, self._solving.gently = list[MeshStep](), WAYS, None
+        self.history, self._solving.ways = list[MeshStep](), WAYS
+        self._solving.gently = None if self._at_zeros and enforced is None else False  # what is enforced is known well
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh
         # limits that are not enforced by their hulls, as these leave no room, (1, path limits)
@@ -136,7 +138,8 @@ class Refinement:
         that cannot be solved. This stays as it is."""
         other = self._going_on()
         cuts = {name: equal(n) for name, n in pieces.items()}
-        return None if other._solve_on(cuts, ROOM) else other.run()
+        other._room = ROOM
+        return None if other._solve_on(cuts) else other.run()
 
     def _going_on(self) -> Self:
         """Another one that is where this ended, and may go on from there."""
@@ -196,12 +199,9 @@ class Refinement:
 
     # ---- the next mesh's program ---------------------------------------------------------------------------
 
-    def _solve_on(self, cuts: Cuts, room: float = 1.0) -> str:
-        """Solve on the next mesh, which may be the same, with limits enforced and tightened; why not, if that fails.
-
-        room: so many times FINEST intervals are the most
-        """
-        if (fewer := fitting(cuts, self._measured.urgency(self.aims), int(room * FINEST))) is None:
+    def _solve_on(self, cuts: Cuts) -> str:
+        """Solve on the next mesh, which may be the same, with limits enforced and tightened; why not, if that fails."""
+        if (fewer := fitting(cuts, self._measured.urgency(self.aims), int(self._room * FINEST))) is None:
             return TOO_FINE
         old, began, before = self.solution, time.perf_counter(), (self._enforced, self._tightened, self._answered)
         passed_at = {name: zeros(old, name) if self._at_zeros else [] for name in fewer}
@@ -232,7 +232,7 @@ class Refinement:
             if unneeded is not None:
                 self._touched = dict(unneeded)
                 self._enforced = {name: on & ~unneeded[name] for name, on in self._enforced.items()}
-                return self._solve_on(cuts, room)
+                return self._solve_on(cuts)
             return OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
         if self._at_zeros and not keeps_zeros(found):
             self._enforced, self._tightened, self._answered = before

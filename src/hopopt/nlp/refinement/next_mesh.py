@@ -220,7 +220,7 @@ def any_cut(cuts: Cuts) -> bool:
 def fitting(cuts: Cuts, urgency: Mapping[str, np.ndarray], most: int) -> Cuts | None:
     """The cuts or, where the mesh would have more than ``most`` intervals, those of the most urgent alone.
 
-    The next mesh is no more than GROWTH times as fine then; None if hardly any would be cut.
+    The next mesh is no more than GROWTH times as fine then; None if hardly any would be cut. A mesh that stays as it is may have more.
     """
     more = np.concatenate([pieces_of(own) - 1 for own in cuts.values()])
     now = len(more)

@@ -1,7 +1,7 @@
 """The next mesh's program solved: from the last mesh's point and multipliers, gently, in another way, or from the point alone.
 
-What a way costs where it fails is bounded; which of two ways came first lately is remembered, and how many iterations from points
-alone are left.
+What a way costs where it fails is bounded. Which way succeeded last is remembered, and how many iterations from points alone are
+left.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from hopopt.nlp.refinement.continuous_limits import Enforced
 from hopopt.nlp.refinement.mesh_step import relative
 from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.refinement.sharp.gentler import led_gently
-from hopopt.nlp.refinement.sharp.zeros import held_by_sign, keeping_signs
+from hopopt.nlp.refinement.sharp.zeros import keeping_signs, without_signs
 from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, RESTARTED, WAYS, Bounds, Multipliers, NlpSolution, NlpSolver, enough
 from hopopt.nlp.transcription import Transcription
 
@@ -34,8 +34,8 @@ class Solving:
     sharp: whether states have sharp zeros
     restarts_left: iterations from points alone that failed solves may still cost
     ways: Ipopt's options from carried multipliers, those that succeeded last first
-    gently: whether a finer mesh is first tried by way of gentler programs; None before there was one: then it is, as a first mesh
-        hardly knows where states are zero
+    gently: whether the last finer mesh was solved by way of gentler programs after another way failed; None before there was one,
+        as a first mesh hardly knows where states are zero
     """
 
     aims: Aims
@@ -50,7 +50,8 @@ class Solving:
         longer = self.aims.restarts and not spare  # from the point alone it takes hundreds
         times = LONGER if longer else SHARP if self.sharp else 1
         most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
-        ended = enough(t.problem.objective.scale, steps) if self.sharp else {}
+        asked = t.problem.solver_options
+        ended = {k: v for k, v in enough(t.problem.objective.scale, steps).items() if self.sharp and k not in asked}
         return NlpSolver(t, {**options, **most, **ended}, until=self.aims.until)
 
     def warm(self, t: Transcription, finer: bool, spare: bool) -> NlpSolver:
@@ -61,9 +62,11 @@ class Solving:
         self, last: NlpSolution, program: Enforced, warm: NlpSolver, guess: Any, free: Mapping[str, Any],
         multipliers: Multipliers, bounds: Bounds, spare: bool, is_cut: bool,
     ) -> list[NlpSolution]:  # fmt: skip
-        """What was solved from the last mesh's point and multipliers, where that fails gently or in another way, and then, until a
-        solution is no worse than that mesh's, from the point alone; the latter not if something is ``spare``, to be tried next.
-        On a mesh that ``is_cut`` gently first, once another way has failed."""
+        """What was solved from the last mesh's point and multipliers, where that fails gently or in another way.
+
+        Then, until a solution is no worse than that mesh's, from the point alone; not if something is ``spare``, to be tried next.
+        On a mesh that ``is_cut`` gently comes first, if it is the first such or the last was solved so.
+        """
 
         def solver(t: Transcription, options: Mapping[str, Any], steps: int = STEPS) -> NlpSolver:
             return self.solver(t, options, spare, steps)
@@ -83,7 +86,8 @@ class Solving:
             return found
 
         until, tried, way = self.aims.until, list[NlpSolution](), known
-        for way in (gently, known, otherwise) if is_cut and self.gently is not False else (known, gently, otherwise):
+        gently_first = self.sharp and is_cut and self.gently is not False
+        for way in (gently, known, otherwise) if gently_first else (known, gently, otherwise):
             if until.passed and tried:
                 break
             if (found := way()) is not None:
@@ -91,7 +95,7 @@ class Solving:
                 if found.success:
                     break
         if is_cut:
-            self.gently = self.gently is not None and (self.gently or way is gently)
+            self.gently = self.gently is not None and way is gently and tried[0].success
         if not tried[0].success and spare:
             return []
         for strategy in RESTARTS:
@@ -113,10 +117,11 @@ class Solving:
         if not self.sharp:
             return solver(guess, free, multipliers, bounds)
         s = solver(guess, free, multipliers, keeping_signs(t, guess, bounds, everywhere=not is_cut))
-        if s.success and held_by_sign(s, bounds):
-            again = self.solver(s.transcription, NEAR_OPTIONS, spare).again(s, bounds)
-            return replace(again, iterations=s.iterations + again.iterations)
-        return replace(s, bounds=bounds)
+        released, held = without_signs(s, bounds)
+        if not (released.success and held):
+            return released
+        again = self.solver(s.transcription, NEAR_OPTIONS, spare).again(released, bounds)
+        return replace(again, iterations=s.iterations + again.iterations)
 
 
 def believable(solved: Sequence[NlpSolution], last: NlpSolution, at_nodes: bool, accurate: bool) -> NlpSolution | None:

@@ -14,8 +14,7 @@ from hopopt.ocp.problem import Instant
 
 EFFORT = "effort"  # the name of its integral
 LOOPED = 10.0  # times its weight, of a leg that closes a loop in stance: there torques can hold against each other
-
-REVERSING = 10.0  # and where gears turn from driving to braking: torques that hardly matter chatter there, which asks for finer meshes
+REVERSING = 10.0  # and, of a leg that loops or not, where gears turn from driving to braking: torques that hardly matter chatter there
 
 
 def effort(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:

@@ -3,8 +3,8 @@
 Within an interval such a change is no polynomial: limits are passed there, and where it falls between the nodes decides
 how much. So an edge is set at each zero and is free: the state is zero there, whenever that is. Intervals beside it are as
 short as the change asks for. Where a state passes zero no more, its edge is one like any other on the next mesh. Between
-its free zeros a state keeps its sign at the nodes: a node that goes to the other side and back costs Newton's method most of
-its iterations.
+its free zeros a state keeps its sign at the nodes, unless that holds it from something better: a node that goes to the other
+side and back costs Newton's method most of its iterations.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ LINGERS = 2 * BEYOND  # widths within which a zero is that of an edge: it takes 
 APART = 0.01  # share of the phase: nearer to another, or to an end, a zero's edge is not free
 GRADES = (0.0, 1.0, 2.0, 4.0, 8.0)  # edges beside a zero, by how long the state takes through the range
 LONG = 1.5  # times as long as it is to be: a longer interval is cut
-HELD = 1e-6  # of the objective's scale: a multiplier below is noise
+HELD = 1e-8  # of the objective's scale: a multiplier below is the barrier's
 SAME = 0.35  # share of what an interval is to be, by which another edge may be away
 
 
@@ -87,11 +87,14 @@ def keeps_zeros(solution: NlpSolution) -> bool:
 
 
 def keeping_signs(t: Transcription, guess: Mapping[str, Any], bounds: Bounds, everywhere: bool) -> Bounds:
-    """The bounds and zero as another, at nodes at which sharp states are to keep the sign that a guess has there: between free
+    """The bounds and zero as another, at nodes at which sharp states are to keep the sign that a guess has there: beside free
     zeros and, if ``everywhere``, all that are well beyond their sharp change, as a guess on the same mesh knows them."""
     low, high, z = bounds.low_z.copy(), bounds.high_z.copy(), t.pack(guess)
     for name, layout in t.layouts.items():
-        sharp, scale = (layout.phase.columns(layout.phase.states, what) for what in ("sharp", "scale"))
+        sharp = layout.phase.columns(layout.phase.states, "sharp")
+        scale = t.scale[t.variables[name].x].reshape(layout.state_nodes, -1)[
+            0
+        ]  # not the phase's, where its numbers are another leg's
         low_x, high_x, x = (side[t.variables[name].x].reshape(layout.state_nodes, -1) for side in (low, high, z))
         for component in np.flatnonzero(sharp):
             free = zip(layout.mesh.free, layout.mesh.zeros, strict=True) if layout.mesh.zeros else ()
@@ -119,10 +122,12 @@ def _kept(edges: Sequence[int], x: np.ndarray, sharp: float, everywhere: bool) -
     return kept
 
 
-def held_by_sign(s: NlpSolution, bounds: Bounds) -> bool:
-    """Whether a zero that ``keeping_signs`` added to these bounds holds a solution from something better."""
-    added = (s.bounds.low_z != bounds.low_z) | (s.bounds.high_z != bounds.high_z)
-    return bool((np.abs(s.lam_x[added]) > HELD * s.transcription.problem.objective.scale).any())
+def without_signs(s: NlpSolution, bounds: Bounds) -> tuple[NlpSolution, bool]:
+    """A solution within the bounds that ``keeping_signs`` was given, and whether a zero that it added held it from something better."""
+    below = (s.bounds.low_z != bounds.low_z) & (s.lam_x < 0)
+    above = (s.bounds.high_z != bounds.high_z) & (s.lam_x > 0)
+    held = np.abs(s.lam_x[below | above]) > HELD * s.transcription.problem.objective.scale
+    return replace(s, bounds=bounds, lam_x=np.where(below | above, 0.0, s.lam_x)), bool(held.any())
 
 
 def cut_at_zeros(p: PhaseTrajectory, normalised_times: list[np.ndarray], passed: Sequence[Zero]) -> list[np.ndarray]:
