@@ -71,7 +71,7 @@ class Hop(MovingLeg):
         """The multi-phase problem; every physical parameter of the leg is a parameter of it. Where gears turn round sharply from
         driving to braking there is a gentler one."""
         gentler = Gentler(lambda: self._problem(Parameter(SOFTNESS, value=1.0)), SOFTNESS, SOFTER)
-        return replace(self._problem(), gentler=gentler if reversing_speeds(self).any() else None)
+        return replace(self._problem(), gentler=gentler if self.reverses else None)
 
     def _problem(self, *more: Parameter) -> Problem:
         """The problem, with these parameters besides."""
@@ -120,11 +120,16 @@ class Hop(MovingLeg):
         """The problem with a tie-break so many times as large; without one for 0."""
         return self.problem.towards(self._towards(times))
 
+    @cached_property
+    def reverses(self) -> bool:
+        """Whether its gears turn from driving to braking."""
+        return bool(reversing_speeds(self).any())
+
     @property
     def tie_break(self) -> float:
         """Weight of the effort in the objective [objective's unit per second]."""
         times, goal = (LOOPED if self.loops else 1.0), self.objective
-        times *= REVERSING if reversing_speeds(self).any() else 1.0
+        times *= REVERSING if self.reverses else 1.0
         return times * self.design.solver.tie_break * goal.tie_break(self) * goal.scale(self)
 
     @property

@@ -117,11 +117,8 @@ RESTARTED = Attempt(
 )  # fmt: skip
 
 REFINEMENT = (RESOLVED, FURTHER, CLOSER_AIM_FURTHER, CLOSER_AIM)
-FRONT = (
-    RESOLVED,
-    CLOSER_AIM_FURTHER,
-    CLOSER_AIM,
-)  # its points are to be verified: a certificate of each would take as long as all of it
+# Its points are to be verified: a certificate of each would take as long as all of it.
+FRONT = (RESOLVED, CLOSER_AIM_FURTHER, CLOSER_AIM)
 HOP = (CALMED, RESTARTED)
 WORK = (
     replace(CALMED, within=inf),

@@ -44,13 +44,7 @@ from hopopt.nlp.refinement.next_mesh import (
     uncut,
     well_behind,
 )
-from hopopt.nlp.refinement.sharp.zeros import (
-    cut_at_zeros,
-    free_at_zeros,
-    keeps_zeros,
-    sharp_states,
-    zeros,
-)
+from hopopt.nlp.refinement.sharp.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
 from hopopt.nlp.refinement.solving import Solving, believable
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost

@@ -71,8 +71,19 @@ class Solving:
         def solver(t: Transcription, options: Mapping[str, Any], steps: int = STEPS) -> NlpSolver:
             return self.solver(t, options, spare, steps)
 
+        def from_last(ipopt: NlpSolver) -> NlpSolution:
+            """With sharp states on their side of zero and, if that holds it, once more without; no success if that fails."""
+            if not self.sharp:
+                return ipopt(guess, free, multipliers, bounds)
+            signed = keeping_signs(program.given, guess, bounds, everywhere=not is_cut)
+            s, held = without_signs(ipopt(guess, free, multipliers, signed), bounds)
+            if not (s.success and held):
+                return s
+            again = solver(s.transcription, NEAR_OPTIONS).again(s, bounds)
+            return replace(again, iterations=s.iterations + again.iterations)
+
         def known() -> NlpSolution:
-            return self._with_signs(warm, program.given, guess, free, multipliers, bounds, spare, is_cut)
+            return from_last(warm)
 
         def gently() -> NlpSolution | None:
             return led_gently(program, solver, guess, free, multipliers, bounds)
@@ -80,8 +91,7 @@ class Solving:
         def otherwise() -> NlpSolution | None:
             if not self.sharp:
                 return None
-            other = solver(warm.transcription, self.ways[1])
-            found = self._with_signs(other, program.given, guess, free, multipliers, bounds, spare, is_cut)
+            found = from_last(solver(warm.transcription, self.ways[1]))
             self.ways = self.ways[::-1] if found.success else self.ways
             return found
 
@@ -108,20 +118,6 @@ class Solving:
             tried.append(NlpSolver(warm.transcription, options, until=until)(guess, free, None, bounds))
             self.restarts_left = max(0, self.restarts_left - tried[-1].iterations)
         return [s for s in tried if s.success]
-
-    def _with_signs(
-        self, solver: NlpSolver, t: Transcription, guess: Any, free: Mapping[str, Any], multipliers: Multipliers,
-        bounds: Bounds, spare: bool, is_cut: bool,
-    ) -> NlpSolution:  # fmt: skip
-        """Solved with sharp states on their side of zero and, if that holds it, once more without; no success if that fails."""
-        if not self.sharp:
-            return solver(guess, free, multipliers, bounds)
-        s = solver(guess, free, multipliers, keeping_signs(t, guess, bounds, everywhere=not is_cut))
-        released, held = without_signs(s, bounds)
-        if not (released.success and held):
-            return released
-        again = self.solver(s.transcription, NEAR_OPTIONS, spare).again(released, bounds)
-        return replace(again, iterations=s.iterations + again.iterations)
 
 
 def believable(solved: Sequence[NlpSolution], last: NlpSolution, at_nodes: bool, accurate: bool) -> NlpSolution | None:

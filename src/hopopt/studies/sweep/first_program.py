@@ -19,7 +19,6 @@ from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.solver.known_optima import KnownOptima
 from hopopt.nlp.solver.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.drives import reversing_speeds
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import StartOutcome, first_transcription, outcome_of, watch_on
 from hopopt.studies.sweep.definition import Definition
@@ -66,8 +65,8 @@ def first_program(
         except ProblemFileError:  # only its points are possible
             return _ready(hop, until, options, watching)[1:]
     common, t, solver = _compiled[key]
-    # which joints a closed loop moves is form too, and so is whether gears lose by turning round, as the tie-break's weight is
-    if common.dependent != hop.dependent or (reversing_speeds(common).any() != reversing_speeds(hop).any()):
+    # which joints a closed loop moves is form too, and so is the tie-break's weight
+    if common.dependent != hop.dependent or common.reverses != hop.reverses:
         return _ready(hop, until, options, watching)[1:]
     t = with_numbers_of(t, hop.problem)
     return t, solver.on(t, until)
