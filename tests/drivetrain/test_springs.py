@@ -31,7 +31,7 @@ from hopopt.ocp.problem import Control, Objective, Phase, Problem, State
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.robot_data.leg_momenta import LegMomenta
-from hopopt.sim.ground import contact, planar
+from hopopt.sim.ground import contact, loads, planar
 from hopopt.sim.ground.stops import Stops
 from hopopt.sim.machine import Machine
 from hopopt.storage.seal.recheck import recheck
@@ -133,7 +133,7 @@ def test_planner_plant_and_compiled_plant_know_springs(case: Any, data: Any) -> 
         a = Machine(bare).acceleration(q, v, tau + given_torques, contact=mode == contact.STICK)
         for mine in (
             Machine(robot).acceleration(q, v, tau, mode == contact.STICK),
-            contact.rates(c, mode, q, v, tau)[0],
+            loads.rates(c, mode, q, v, tau)[0],
         ):
             np.testing.assert_allclose(M @ (mine - a), 0, atol=1e-7 * (np.abs(M) @ np.abs(a) + np.abs(expected)).max())
 

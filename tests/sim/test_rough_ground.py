@@ -21,7 +21,7 @@ from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
 from hopopt.sim.encoder import Encoder
-from hopopt.sim.ground import contact, planar
+from hopopt.sim.ground import contact, loads, planar
 from hopopt.sim.ground.rough_ground import RoughGround
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.machine import Machine
@@ -86,7 +86,7 @@ def test_gears_pass_on_what_their_law_says_where_they_turn_from_driving_to_braki
     machine, c = Machine(plant.robot), planar.planar_leg(plant.robot, plant.drive, plant.stops, set(), 0.5)
     q, v = np.array([0.0, 0.6, 0.4, -1.2]), np.array([0.0, 0.3, -5.862, 9.779])
     for command in np.stack(np.meshgrid(np.linspace(-30, 30, 16), np.linspace(-30, 30, 16)), -1).reshape(-1, 2):
-        X, at_foot, G, _, _, motor, tau = contact.loads(c, mode, q, v, command)
+        X, at_foot, G, _, _, motor, tau = loads.loads(c, mode, q, v, command)
         force = np.array(contact.contact_force(mode, 0.5, at_foot, G))
         J = machine.foot_jacobian(q)
         free = machine.acceleration(q, v, tau, contact=False)
@@ -114,7 +114,7 @@ def dynamics_are_pinocchios(leg: Leg, q: np.ndarray, v: np.ndarray, tau: np.ndar
     np.testing.assert_allclose(planar.foot_jacobian(c, joints), machine.foot_jacobian(q), atol=1e-12)
     for mode in (contact.FLIGHT, contact.STICK):
         a = machine.acceleration(q, v, tau, contact=mode == contact.STICK)
-        mine, _ = contact.rates(c, mode, q, v, tau)
+        mine, _ = loads.rates(c, mode, q, v, tau)
         forces = np.abs(M_other) @ np.abs(a) + np.abs(planar.bias(c, q, v, joints, centres, drift)) + np.abs(tau).max()
         np.testing.assert_allclose(M_other @ (mine - a), 0, atol=1e-7 * forces.max())
 
