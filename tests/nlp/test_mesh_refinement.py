@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopopt.nlp.mesh import mesh_of_arcs, uniform
+from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.refinement import mesh_refinement as refine
 from hopopt.nlp.refinement import solving
 from hopopt.nlp.refinement.continuous_limits import enforcing
@@ -141,6 +141,20 @@ def test_multipliers_carried_to_the_same_mesh_are_the_same(method: Scheme) -> No
     lam_g, lam_x = carried(s, s.transcription)
     np.testing.assert_allclose(lam_g, s.lam_g, atol=1e-6)
     np.testing.assert_allclose(lam_x, s.lam_x, atol=1e-9)
+
+
+@each_scheme
+def test_multipliers_are_carried_from_where_free_edges_have_come_to(method: Scheme) -> None:
+    """On a mesh with its edges there, none of them free, they are the same but for what is due to the mesh's error."""
+    s = solve(bryson_denham(), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
+    (name, phase), old = next(iter(s.phases.items())), s.transcription
+    edges = phase.edges / phase.duration
+    assert np.abs(edges - old.mesh[name].edges).max() > 1e-3
+    t = Transcription(old.problem, method, {name: PhaseMesh(tuple(edges))})
+    lam_g, _ = carried(s, t)
+    defects = next(r for r in t.rows if r.kind == "defect"), next(r for r in old.rows if r.kind == "defect")
+    now, before = (lam[r.start : r.stop] for lam, r in zip((lam_g, s.lam_g), defects, strict=True))
+    np.testing.assert_allclose(now, before, atol=1e-6)
 
 
 def test_bounds_are_drawn_in_by_what_is_given_interval_by_interval() -> None:

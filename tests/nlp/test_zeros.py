@@ -19,7 +19,8 @@ from hopopt.nlp.refinement.sharp.zeros import (
     zeros,
 )
 from hopopt.nlp.schemes import radau
-from hopopt.nlp.solver.ipopt import Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.problem import Control, Ends, Instant, Objective, PathConstraint, Phase, Problem, State
@@ -118,10 +119,10 @@ def towards(speeds: list[float]) -> Guess:
     return Guess(1.0, np.linspace(0.0, 1.0, len(speeds)), np.array(speeds)[:, None], np.full((len(speeds), 1), -2.0))
 
 
-def signed(t: Transcription, guess: Guess, everywhere: bool = False) -> tuple[Bounds, Bounds]:
+def signed(t: Transcription, guess: Guess, same: PhaseMesh | None = None) -> tuple[Bounds, Bounds]:
     """The program's own bounds, and those within which the speed keeps the guess's sign."""
     own = Bounds(*t.bounds({"way": guess}), t.lbg, t.ubg)
-    return own, keeping_signs(t, {"way": guess}, own, everywhere)
+    return own, keeping_signs(t, {"way": guess}, own, None if same is None else {"way": same})
 
 
 def test_between_its_zeros_a_state_keeps_its_sign() -> None:
@@ -141,11 +142,30 @@ def test_between_its_zeros_a_state_keeps_its_sign() -> None:
     assert not without_signs(within, own)[1]
 
 
+def test_a_zero_that_was_free_stays_where_its_place_was_best() -> None:
+    """Its edge no longer free, the program is solved where it was, at once; let go, it moves by the mesh's error alone."""
+    problem, mesh = there_and_back(), PhaseMesh((0.0, 0.2, 0.4, 0.7, 1.0), (2,), (0,))
+    last = solved(problem, mesh)
+    edges = last.phases["way"].edges / last.phases["way"].duration
+    t = Transcription(problem, radau(3), {"way": PhaseMesh(tuple(edges))})
+    own = Bounds(*t.bounds(last.phases), t.lbg, t.ubg)
+    kept = keeping_signs(t, last.phases, own, last.transcription.mesh)
+    at = t.variables["way"].x.start + 2 * t.scheme.steps
+    assert kept.low_z[at] == kept.high_z[at] == 0
+    found = NlpSolver(t, NEAR_OPTIONS)(last.phases, multipliers=carried(last, t), bounds=kept)
+    assert found.success
+    assert found.iterations <= 5
+    assert found.objective == pytest.approx(last.objective, abs=1e-9)
+    let_go = NlpSolver(t, NEAR_OPTIONS).again(without_signs(found, own)[0], own)
+    assert let_go.success
+    assert let_go.objective == pytest.approx(last.objective, abs=1e-5)
+
+
 def test_a_sign_that_holds_a_state_from_something_better_is_found() -> None:
     """Driven to the highest speed forwards, the mass would be kept from it by the signs of a guess that goes back."""
     forwards = replace(there_and_back(), objective=Objective("speed", lambda e: -e.final["way"].v))
     t = Transcription(forwards, radau(3), {"way": uniform(4)})
-    own, kept = signed(t, towards([1.0, -1.0]), everywhere=True)
+    own, kept = signed(t, towards([1.0, -1.0]), uniform(4))
     found = NlpSolver(t)({"way": towards([1.0, -1.0])}, bounds=kept)
     assert found.success
     released, held = without_signs(found, own)

@@ -119,6 +119,7 @@ RESTARTED = Attempt(
 REFINEMENT = (RESOLVED, FURTHER, CLOSER_AIM_FURTHER, CLOSER_AIM)
 # Its points are to be verified: a certificate of each would take as long as all of it.
 FRONT = (RESOLVED, CLOSER_AIM_FURTHER, CLOSER_AIM)
+AS_GOOD = (RESOLVED,)  # for a hop in place of one that is sure already
 HOP = (CALMED, RESTARTED)
 WORK = (
     replace(CALMED, within=inf),

@@ -93,7 +93,7 @@ class Refinement:
         """With the solution on the first mesh."""
         solution, enforced = self._first
         self.history, self._solving.ways = list[MeshStep](), WAYS
-        self._solving.gently = None if self._at_zeros and enforced is None else False  # what is enforced is known well
+        self._solving.gently = False
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh
         # limits that are not enforced by their hulls, as these leave no room, (1, path limits)
@@ -149,7 +149,7 @@ class Refinement:
             accurate = self._kept and not any_cut(cuts)
             if accurate and self.change <= self.aims.change:
                 return MET
-            if well_behind(self._measured, self.aims):
+            if well_behind(self._measured, self.aims, self.change):
                 return BEHIND
             if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
                 return ""
@@ -163,7 +163,7 @@ class Refinement:
     def _tightening_at_the_end(self) -> str:
         """How it ends where limits are tightened on the settled mesh; "" with the last mesh."""
         for _ in range(self.aims.meshes):
-            if well_behind(self._measured, self.aims):
+            if well_behind(self._measured, self.aims, self.change):
                 return BEHIND
             if stuck(self.history, self.aims.local_error, self.aims.excess if self.between else inf):
                 return NO_NEARER
@@ -216,7 +216,7 @@ class Refinement:
         bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._tightened)
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
         spare = self._unneeded is not None
-        warm = self._solving.warm(enforced.transcription, finer, spare)
+        warm = self._solving.warm(enforced.transcription, any_cut(cuts), spare)
         built = time.perf_counter()
         begun = guess, free, (enforced.multipliers(lam_g), lam_x), bounds
         solved = self._solving.solutions(old, enforced, warm, *begun, spare, any_cut(cuts))

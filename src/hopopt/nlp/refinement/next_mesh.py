@@ -33,6 +33,7 @@ AT_ONCE, LATER = 4, 4  # where limits are tightened at the end: pieces of all th
 GROWTH = 1.5  # times the intervals of a mesh: how fine the next may be where not all cuts fit
 NEARLY = 10.0  # times the local error that is aimed at, below which a mesh's objective tells of its optimum
 WELL_BEHIND = 3e-3  # relative to the objective: more than the switches of a coarse mesh are smeared over
+YET_TO_COME = 10.0  # times the objective's change with the last mesh: more than all finer meshes change it
 LITTLE_ROOM = 0.1  # share of them: room for fewer is not worth a mesh
 Cuts = Mapping[
     str, list[np.ndarray]
@@ -100,15 +101,15 @@ class Measured:
         }
 
 
-def well_behind(m: Measured, aims: Aims) -> bool:
-    """Whether a mesh is so accurate, and a known hop so much better, that no finer mesh can make up for it."""
+def well_behind(m: Measured, aims: Aims, change: float) -> bool:
+    """Whether a mesh is so accurate, and a known hop so much better, that no finer mesh can make up for it. ``change``: relative, of
+    the objective with the last mesh."""
     local = max(float(e.local.max()) for e in m.errors.values())
     if aims.known is None or local > NEARLY * aims.local_error:
         return False
     loss = m.solution.transcription.problem.objective.cost(m.solution.value - aims.known)
-    return (
-        loss > WELL_BEHIND * m.solution.magnitude + m.cost
-    )  # which a finer mesh may gain, as its limits need no tightening
+    smeared = min(WELL_BEHIND, YET_TO_COME * change) * m.solution.magnitude
+    return loss > smeared + m.cost  # which a finer mesh may gain, as its limits need no tightening
 
 
 def next_cuts(m: Measured, aims: Aims, solves: int, answered: Mapping[str, np.ndarray]) -> Cuts:

@@ -7,6 +7,7 @@ left.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import inf
 from typing import Any
 
 from hopopt.nlp.refinement.continuous_limits import Enforced
@@ -21,6 +22,7 @@ MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much
 AGREED = 1e-4  # relative
 CARRIED_ITERATIONS = 60  # from carried multipliers
 SHARP = 3  # times as many where states have sharp zeros
+FIRST_ITERATIONS = 80  # there, before a gentler program is tried
 STEPS = 5  # in a row that are good, which end a solve there
 LONGER = 5  # times as many before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
@@ -34,29 +36,31 @@ class Solving:
     sharp: whether states have sharp zeros
     restarts_left: iterations from points alone that failed solves may still cost
     ways: Ipopt's options from carried multipliers, those that succeeded last first
-    gently: whether the last finer mesh was solved by way of gentler programs after another way failed; None before there was one,
-        as a first mesh hardly knows where states are zero
+    gently: whether the last finer mesh was solved by way of gentler programs after another way failed
     """
 
     aims: Aims
     sharp: bool
     restarts_left: int
     ways: tuple[Mapping[str, Any], ...] = WAYS
-    gently: bool | None = None
+    gently: bool = False
 
-    def solver(self, t: Transcription, options: Mapping[str, Any], spare: bool, steps: int = STEPS) -> NlpSolver:
-        """Ipopt from what is known; not for long if there is something else to try, which is ``spare``. ``steps``: so many that are
-        good in a row end it where states have sharp zeros."""
+    def solver(
+        self, t: Transcription, options: Mapping[str, Any], spare: bool, steps: int = STEPS, most: float = inf
+    ) -> NlpSolver:
+        """Ipopt from what is known; not for long if there is something else to try, which is ``spare``, and never for more than
+        ``most`` iterations. ``steps``: so many that are good in a row end it where states have sharp zeros."""
         longer = self.aims.restarts and not spare  # from the point alone it takes hundreds
         times = LONGER if longer else SHARP if self.sharp else 1
-        most = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations)}
+        limited = {"ipopt.max_iter": min(CARRIED_ITERATIONS * times, self.aims.iterations, most)}
         asked = t.problem.solver_options
         ended = {k: v for k, v in enough(t.problem.objective.scale, steps).items() if self.sharp and k not in asked}
-        return NlpSolver(t, {**options, **most, **ended}, until=self.aims.until)
+        return NlpSolver(t, {**options, **limited, **ended}, until=self.aims.until)
 
-    def warm(self, t: Transcription, finer: bool, spare: bool) -> NlpSolver:
-        """The first to be tried: of a ``finer`` mesh, or of the same one within other limits."""
-        return self.solver(t, self.ways[0] if finer else NEAR_OPTIONS, spare)
+    def warm(self, t: Transcription, is_cut: bool, spare: bool) -> NlpSolver:
+        """The first to be tried: of a finer mesh, or of the same intervals within other limits."""
+        most = FIRST_ITERATIONS if self.sharp and t.problem.gentler is not None else inf
+        return self.solver(t, self.ways[0] if is_cut else NEAR_OPTIONS, spare, most=most)
 
     def solutions(
         self, last: NlpSolution, program: Enforced, warm: NlpSolver, guess: Any, free: Mapping[str, Any],
@@ -65,7 +69,7 @@ class Solving:
         """What was solved from the last mesh's point and multipliers, where that fails gently or in another way.
 
         Then, until a solution is no worse than that mesh's, from the point alone; not if something is ``spare``, to be tried next.
-        On a mesh that ``is_cut`` gently comes first, if it is the first such or the last was solved so.
+        On a mesh that ``is_cut`` gently comes first if the last was solved so.
         """
 
         def solver(t: Transcription, options: Mapping[str, Any], steps: int = STEPS) -> NlpSolver:
@@ -75,7 +79,7 @@ class Solving:
             """With sharp states on their side of zero and, if that holds it, once more without; no success if that fails."""
             if not self.sharp:
                 return ipopt(guess, free, multipliers, bounds)
-            signed = keeping_signs(program.given, guess, bounds, everywhere=not is_cut)
+            signed = keeping_signs(program.given, guess, bounds, None if is_cut else last.transcription.mesh)
             s, held = without_signs(ipopt(guess, free, multipliers, signed), bounds)
             if not (s.success and held):
                 return s
@@ -96,8 +100,7 @@ class Solving:
             return found
 
         until, tried, way = self.aims.until, list[NlpSolution](), known
-        gently_first = self.sharp and is_cut and self.gently is not False
-        for way in (gently, known, otherwise) if gently_first else (known, gently, otherwise):
+        for way in (gently, known, otherwise) if is_cut and self.gently else (known, gently, otherwise):
             if until.passed and tried:
                 break
             if (found := way()) is not None:
@@ -105,7 +108,7 @@ class Solving:
                 if found.success:
                     break
         if is_cut:
-            self.gently = self.gently is not None and way is gently and tried[0].success
+            self.gently = way is gently and tried[0].success
         if not tried[0].success and spare:
             return []
         for strategy in RESTARTS:

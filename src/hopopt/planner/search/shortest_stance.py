@@ -10,12 +10,14 @@ from dataclasses import replace
 from math import inf, sqrt
 
 from hopopt.nlp.deadline import Deadline
+from hopopt.nlp.refinement.mesh_refinement import BEHIND
 from hopopt.nlp.solver.ipopt import Bounds
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.answer.program_figures import by_longest
-from hopopt.planner.refine_and_verify import refined_and_verified
+from hopopt.planner.attempts import AS_GOOD
+from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
 from hopopt.planner.search.multistart import Progress, StartOutcome, first_solver, outcome_of, same, solution_of
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
@@ -38,7 +40,12 @@ def with_shortest_stance(
     found = _shortest(hop, chosen, allowed, until)
     if found is None:
         return best
-    again = refined_and_verified(hop, found, outcomes, say, clock, restarts=False, until=until)
+    refinement = refine_outcome(hop, found, say, restarts=False, until=until, known=s.objective_value)
+    if refinement.ended == BEHIND:
+        return best
+    again = refined_and_verified(
+        hop, found, outcomes, say, clock, restarts=False, until=until, attempts=AS_GOOD, refinement=refinement
+    )
     lost = hop.objective.signed_value(s.objective_value) - hop.objective.signed_value(again.summary.objective_value)
     as_sure = again.verified and (again.summary.certified or not s.certified)
     if not as_sure or lost > allowed or again.lift_off > SHORTER * best.lift_off:

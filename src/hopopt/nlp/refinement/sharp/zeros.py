@@ -80,15 +80,21 @@ def keeps_zeros(solution: NlpSolution) -> bool:
         if not mesh.zeros:
             continue
         places, found = solution.phases[name].edges / solution.phases[name].duration, zeros(solution, name)
-        for k, component in zip(mesh.free, mesh.zeros, strict=True):
+        for k, component in _free_zeros(mesh):
             if not any(z.component == component and abs(z.place - places[k]) <= LINGERS * z.width for z in found):
                 return False
     return True
 
 
-def keeping_signs(t: Transcription, guess: Mapping[str, Any], bounds: Bounds, everywhere: bool) -> Bounds:
+def keeping_signs(
+    t: Transcription, guess: Mapping[str, Any], bounds: Bounds, same: Mapping[str, PhaseMesh] | None = None
+) -> Bounds:
     """The bounds and zero as another, at nodes at which sharp states are to keep the sign that a guess has there: beside free
-    zeros and, if ``everywhere``, all that are well beyond their sharp change, as a guess on the same mesh knows them."""
+    zeros.
+
+    same: the guess's meshes, if they have the same intervals. Then all states that are well beyond their sharp change keep their
+        sign, and those at zero at an edge that was free stay there: as its place was best, that holds them from nothing.
+    """
     low, high, z = bounds.low_z.copy(), bounds.high_z.copy(), t.pack(guess)
     for name, layout in t.layouts.items():
         sharp = layout.phase.columns(layout.phase.states, "sharp")
@@ -97,14 +103,20 @@ def keeping_signs(t: Transcription, guess: Mapping[str, Any], bounds: Bounds, ev
         ]  # not the phase's, where its numbers are another leg's
         low_x, high_x, x = (side[t.variables[name].x].reshape(layout.state_nodes, -1) for side in (low, high, z))
         for component in np.flatnonzero(sharp):
-            free = zip(layout.mesh.free, layout.mesh.zeros, strict=True) if layout.mesh.zeros else ()
-            edges = [k * t.scheme.steps for k, c in free if c == component]
+            edges = [k * t.scheme.steps for k, c in _free_zeros(layout.mesh) if c == component]
             speeds = scale[component] * x[:, component]
-            kept = _kept(edges, speeds, float(sharp[component]), everywhere)
+            kept = _kept(edges, speeds, float(sharp[component]), everywhere=same is not None)
             up, down = (kept & (side * x[:, component] > 0) for side in (1, -1))
             low_x[up, component] = np.maximum(low_x[up, component], 0.0)
             high_x[down, component] = np.minimum(high_x[down, component], 0.0)
+        for k, component in [] if same is None else _free_zeros(same[name]):
+            low_x[k * t.scheme.steps, component] = high_x[k * t.scheme.steps, component] = 0.0
     return replace(bounds, low_z=low, high_z=high)
+
+
+def _free_zeros(mesh: PhaseMesh) -> list[tuple[int, int]]:
+    """Edges that are free where a state is zero, with its component."""
+    return list(zip(mesh.free, mesh.zeros, strict=True)) if mesh.zeros else []
 
 
 def _kept(edges: Sequence[int], x: np.ndarray, sharp: float, everywhere: bool) -> np.ndarray:
