@@ -176,7 +176,7 @@ def _refined(
         refinement = refine_outcome(hop, outcome, told, restarts=False, until=until, known=known)
         if refinement.ended == BEHIND:
             clock.mark("refinement")
-            told("left, for a better hop is verified")
+            told("left, for a hop that is better, or as good, is verified")
             continue
         finished.append(
             refined_and_verified(

@@ -12,6 +12,7 @@ there, it begins again without.
 import time
 from collections.abc import Mapping
 from copy import copy
+from dataclasses import replace
 from math import inf
 from typing import Self
 
@@ -63,7 +64,8 @@ NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
 OUT_OF_TIME = "the time limit was reached"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
 ASTRAY = "an edge at a zero led to a hop without that zero"
-BEHIND = "a better hop is known"
+FAILED = (UNSOLVED, WORSE, ASTRAY)
+BEHIND = "a hop that is better, or as good, is known"
 
 
 class Refinement:
@@ -94,6 +96,7 @@ class Refinement:
         solution, enforced = self._first
         self.history, self._solving.ways = list[MeshStep](), WAYS
         self._solving.gently = False
+        self._passes_zeros = False  # whether free edges at zeros led to where it is
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh
         # limits that are not enforced by their hulls, as these leave no room, (1, path limits)
@@ -107,14 +110,20 @@ class Refinement:
     def run(self) -> Self:
         """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
         at_zeros = self._at_zeros
-        self.ended = (self._enforcing() if self.between else self._tightening_at_the_end()) or self.ended
-        self._at_zeros = False
-        if self._with_zeros and self.ended != BEHIND:
-            self.ended = self._solve_on(uncut(self._measured)) or self._enforcing() or USED_UP
-        if at_zeros and self.ended in (UNSOLVED, WORSE, ASTRAY):
+        self._to_its_end()
+        if at_zeros and self.ended in FAILED:
             self._begin()
             self.ended = self._enforcing() or USED_UP
         return self
+
+    def _to_its_end(self) -> None:
+        """Refine from the mesh it is at; the last has no free edges."""
+        self.ended = (self._enforcing() if self.between else self._tightening_at_the_end()) or self.ended
+        self._at_zeros = False
+        if self._with_zeros and self.ended != BEHIND:
+            failed = self._solve_on(uncut(self._measured))
+            self._passes_zeros = not failed
+            self.ended = failed or self._enforcing() or USED_UP
 
     @property
     def _with_zeros(self) -> bool:
@@ -123,23 +132,27 @@ class Refinement:
 
     def further(self, aims: Aims) -> Self:
         """Another one that went on from where this ended, towards other aims; this stays as it is."""
-        other = self._going_on()
-        other.aims = other._solving.aims = aims
-        return other.run()
+        return self._going_on(aims) or self
 
     def on_pieces(self, pieces: Mapping[str, np.ndarray]) -> Self | None:
         """Another one that first cuts intervals into so many equal pieces, by phase, (N,) each, and goes on from there; None if
         that cannot be solved. This stays as it is."""
-        other = self._going_on()
-        cuts = {name: equal(n) for name, n in pieces.items()}
-        other._room = ROOM
-        return None if other._solve_on(cuts) else other.run()
+        return self._going_on(self.aims, {name: equal(n) for name, n in pieces.items()}, ROOM)
 
-    def _going_on(self) -> Self:
-        """Another one that is where this ended, and may go on from there."""
-        other = copy(self)
-        other._solving, other.ended, other.history = copy(self._solving), USED_UP, list(self.history)
-        return other
+    def _going_on(self, aims: Aims, cuts: Cuts | None = None, room: float = 1.0) -> Self | None:
+        """Another one that went on from where this ended, with these cuts first; None if they cannot be solved. Where free edges
+        at zeros led here, first with such edges."""
+        for at_zeros in (True, False) if self._passes_zeros else (False,):
+            other = copy(self)
+            other._solving, other.ended, other.history = copy(self._solving), USED_UP, list(self.history)
+            other.aims = other._solving.aims = replace(aims, known=None)  # it was worth its end
+            other._room, other._at_zeros = max(room, self._room), at_zeros
+            if cuts is not None and other._solve_on(cuts):
+                continue
+            other._to_its_end()
+            if not (at_zeros and other.ended in FAILED):
+                return other
+        return None
 
     def _enforcing(self) -> str:
         """How it ends where limits are enforced between the nodes; "" with the last mesh."""

@@ -102,14 +102,15 @@ class Measured:
 
 
 def well_behind(m: Measured, aims: Aims, change: float) -> bool:
-    """Whether a mesh is so accurate, and a known hop so much better, that no finer mesh can make up for it. ``change``: relative, of
-    the objective with the last mesh."""
+    """Whether a mesh is so accurate, and a known hop so much better, that finer ones cannot gain more on it than the ``change`` that
+    is aimed at. ``change``: relative, of the objective with the last mesh."""
     local = max(float(e.local.max()) for e in m.errors.values())
     if aims.known is None or local > NEARLY * aims.local_error:
         return False
     loss = m.solution.transcription.problem.objective.cost(m.solution.value - aims.known)
     smeared = min(WELL_BEHIND, YET_TO_COME * change) * m.solution.magnitude
-    return loss > smeared + m.cost  # which a finer mesh may gain, as its limits need no tightening
+    gained = smeared + m.cost - loss  # at most: the cost, as limits need no tightening on a finer mesh
+    return loss > 0 and gained < aims.change * m.solution.magnitude
 
 
 def next_cuts(m: Measured, aims: Aims, solves: int, answered: Mapping[str, np.ndarray]) -> Cuts:
