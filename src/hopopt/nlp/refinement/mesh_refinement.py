@@ -95,7 +95,6 @@ class Refinement:
         """With the solution on the first mesh."""
         solution, enforced = self._first
         self.history, self._solving.ways = list[MeshStep](), WAYS
-        self._solving.gently = False
         self._passes_zeros = False  # whether free edges at zeros led to where it is
         self._enforced = enforced or nothing_enforced(solution.transcription)
         self._program: Enforced | None = None  # of the last mesh

@@ -36,14 +36,12 @@ class Solving:
     sharp: whether states have sharp zeros
     restarts_left: iterations from points alone that failed solves may still cost
     ways: Ipopt's options from carried multipliers, those that succeeded last first
-    gently: whether the last finer mesh was solved by way of gentler programs after another way failed
     """
 
     aims: Aims
     sharp: bool
     restarts_left: int
     ways: tuple[Mapping[str, Any], ...] = WAYS
-    gently: bool = False
 
     def solver(
         self, t: Transcription, options: Mapping[str, Any], spare: bool, steps: int = STEPS, most: float = inf
@@ -69,7 +67,7 @@ class Solving:
         """What was solved from the last mesh's point and multipliers, where that fails gently or in another way.
 
         Then, until a solution is no worse than that mesh's, from the point alone; not if something is ``spare``, to be tried next.
-        On a mesh that ``is_cut`` gently comes first if the last was solved so.
+        ``is_cut``: whether its intervals are not the last mesh's.
         """
 
         def solver(t: Transcription, options: Mapping[str, Any], steps: int = STEPS) -> NlpSolver:
@@ -99,16 +97,14 @@ class Solving:
             self.ways = self.ways[::-1] if found.success else self.ways
             return found
 
-        until, tried, way = self.aims.until, list[NlpSolution](), known
-        for way in (gently, known, otherwise) if is_cut and self.gently else (known, gently, otherwise):
+        until, tried = self.aims.until, list[NlpSolution]()
+        for way in (known, gently, otherwise):
             if until.passed and tried:
                 break
             if (found := way()) is not None:
                 tried = [found]
                 if found.success:
                     break
-        if is_cut:
-            self.gently = way is gently and tried[0].success
         if not tried[0].success and spare:
             return []
         for strategy in RESTARTS:
