@@ -16,6 +16,7 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.cli.studies.sensitivity import TABLE_ROWS, left_out, sentences, shown
 from hopopt.design import physical_parameters
+from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.schemes import Scheme, radau
@@ -399,6 +400,14 @@ def test_verdicts() -> None:
 
 def influence(name: str, value: float, slope: float, unit: str = "m", part_of: str | None = None) -> Influence:
     return Influence(name, value, unit, slope, part_of)
+
+
+def test_what_a_supply_is_worth_is_confirmed_by_the_name_that_problem_files_have() -> None:
+    """[supply] is a table of its own there, and part of the leg in what is printed."""
+    found = [influence("leg.supply.voltage", 48.0, 1.5e-3, "V"), influence("leg.body.mass", 5.6, -0.02, "kg")]
+    assert chosen(found, ["supply.voltage"]) == chosen(found, ["leg.supply.voltage"]) == ["leg.supply.voltage"]
+    with pytest.raises(UsageError, match="there is no such entry"):
+        chosen(found, ["supply.voltages"])
 
 
 def test_rows_that_are_left_out_are_counted() -> None:

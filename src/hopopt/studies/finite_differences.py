@@ -35,10 +35,12 @@ SOLVED = 1e-8  # relative accuracy to which a program is solved again on one mes
 
 
 def chosen(influences: Sequence[Influence], wanted: Sequence[str]) -> list[str]:
-    """Names of the influences to confirm: the leading ones, "all", or those named; UsageError for another name."""
+    """Names of the influences to confirm: the leading ones, "all", or those named, [supply] being the leg's as in a problem;
+    UsageError for another name."""
     names = [i.name for i in influences]
     if not wanted:
         return [i.name for i in influences if i.part_of is None][:LEADING]
+    wanted = [f"leg.{name}" if name.startswith("supply.") else name for name in wanted]
     for name in wanted:
         if name not in (*names, "all"):
             raise UsageError(f"--confirm {name}: there is no such entry{did_you_mean(name, names)}; or say all")

@@ -40,7 +40,9 @@ def with_shortest_stance(
     found = _shortest(hop, chosen, allowed, until)
     if found is None:
         return best
-    refinement = refine_outcome(hop, found, say, restarts=False, until=until, known=s.objective_value)
+    settled = hop.design.solver.objective_tolerance * abs(s.objective_value)
+    least = s.objective_value - hop.objective.signed_value(settled)  # it need be no better
+    refinement = refine_outcome(hop, found, say, restarts=False, until=until, known=least)
     if refinement.ended == BEHIND:
         return best
     again = refined_and_verified(
