@@ -23,7 +23,7 @@ from hopopt.nlp.refinement.mesh_refinement import (
     Refinement,
 )
 from hopopt.nlp.refinement.mesh_step import STUCK, change_of
-from hopopt.nlp.refinement.next_mesh import Aims, cut, equal, fitting, pieces_of
+from hopopt.nlp.refinement.next_mesh import Aims, Measured, cut, equal, fitting, outdone, pieces_of
 from hopopt.nlp.refinement.tightening import limit_nodes, passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.schemes import Scheme, radau
@@ -341,7 +341,7 @@ def test_meshes_that_bring_it_no_nearer_end_it(between: bool, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("between", [True, False])
-def test_what_falls_well_behind_a_known_optimum_is_left(between: bool) -> None:
+def test_what_cannot_become_better_than_a_known_optimum_is_left(between: bool) -> None:
     """And nothing else: one that is near it, or better, is refined as without it."""
     known = bryson_denham(path=True)
     begin, aims = solve(known, radau(3), uniform(10)), Aims(5e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300)
@@ -355,6 +355,17 @@ def test_what_falls_well_behind_a_known_optimum_is_left(between: bool) -> None:
     assert len(behind.history) == 1 < len(free.history)
     for other in (refined(1e-3), refined(-1e-2)):
         assert [step.objective for step in other.history] == [step.objective for step in free.history]
+
+
+def test_one_that_is_as_good_as_a_known_optimum_is_left_once_it_has_settled() -> None:
+    """Not before, and not one that is better."""
+    known, aims = bryson_denham(path=True), Aims(5e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300)
+    s = Refinement(solve(known, radau(3), uniform(10)), aims).run().solution
+    m = Measured(s, {name: interval_errors(s, name) for name in s.phases})
+    as_good, worse = (replace(aims, known=s.value * share) for share in (1 - 1e-6, 1 + 1e-6))
+    assert outdone(m, as_good, 1e-6)
+    assert not outdone(m, as_good, 1e-3)
+    assert not outdone(m, worse, 1e-6)
 
 
 def test_the_change_of_the_objective_is_that_before_limits_were_tightened() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hopopt.nlp.mesh import PhaseMesh, uniform
+from hopopt.nlp.refinement import mesh_refinement
 from hopopt.nlp.refinement.mesh_refinement import MET, Refinement
 from hopopt.nlp.refinement.next_mesh import Aims, any_cut, cut, equal
 from hopopt.nlp.refinement.sharp.zeros import (
@@ -159,6 +160,19 @@ def test_a_zero_that_was_free_stays_where_its_place_was_best() -> None:
     let_go = NlpSolver(t, NEAR_OPTIONS).again(without_signs(found, own)[0], own)
     assert let_go.success
     assert let_go.objective == pytest.approx(last.objective, abs=1e-5)
+
+
+def test_meshes_beyond_the_last_have_free_edges_at_zeros_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And end without, as those before them."""
+    origin = Refinement(solved(there_and_back(), uniform(5)), AIMS).run()
+    assert origin.ended == MET
+    passed = []
+    monkeypatch.setattr(mesh_refinement, "free_at_zeros", lambda m, z: passed.append(len(z)) or free_at_zeros(m, z))
+    finer = origin.on_pieces({"way": np.full(origin.solution.transcription.mesh["way"].intervals, 2)})
+    assert finer is not None
+    assert finer.ended == MET
+    assert passed[0] == 1
+    assert not finer.solution.transcription.mesh["way"].zeros
 
 
 def test_a_sign_that_holds_a_state_from_something_better_is_found() -> None:

@@ -30,6 +30,11 @@ class PhaseTrajectory:
         """Interval lengths [s], shape (N,)."""
         return np.diff(self.edges)
 
+    @property
+    def normalised_edges(self) -> np.ndarray:
+        """The edges as shares of the phase, shape (N + 1,)."""
+        return self.edges / self.duration
+
     def locate(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Interval index and place s in [0, 1] within it of every time; at an edge, the interval that begins."""
         i = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.x_start) - 1)

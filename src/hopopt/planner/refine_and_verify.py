@@ -168,7 +168,7 @@ def refine_outcome(
     known: float | None = None,
 ) -> Refinement:
     """A start's optimum, refined as the problem's solver settings ask for; ``margin`` and ``calmed`` as of
-    ``refine_and_verify``; ``known``: objective of a hop that is verified [its unit], well behind which it ends."""
+    ``refine_and_verify``; ``known``: objective of a hop that is verified [its unit]: it ends once it cannot become better."""
     aims = replace(aims_of(hop, until), excess=margin * LIMIT, known=known)
     aims = aims if restarts else replace(aims, restarts=0)
     solution = solution_of(outcome, first or first_transcription(hop))

@@ -171,7 +171,7 @@ def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolutio
     if it is made already, or one that differs in its objective."""
     problem, mesh, kkt = problem or hop_of(solution).problem, {}, dict(solution.kkt)
     for name, trajectory in solution.phases.items():
-        edges = trajectory.edges / trajectory.duration
+        edges = trajectory.normalised_edges
         free = np.flatnonzero(np.diff(trajectory.arc)) + 1
         mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()))
     t = Transcription(problem, next(iter(solution.phases.values())).scheme, mesh)

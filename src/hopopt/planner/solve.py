@@ -163,7 +163,7 @@ def _refined(
     until: Deadline, before: Sequence[Solution],
 ) -> list[Solution]:  # fmt: skip
     """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
-    is time. Those that fall well behind a verified one, of these or of those finished before, are left."""
+    is time. Those that turn out no better than a verified one, of these or of those finished before, are left."""
     if hop.objective.calm_first and chosen:
         return [_least(hop, distinct(outcomes), outcomes, say, clock, until)]
     finished: list[Solution] = []

@@ -41,9 +41,9 @@ from hopopt.nlp.refinement.next_mesh import (
     fitting,
     halved,
     next_cuts,
+    outdone,
     pieces_of,
     uncut,
-    well_behind,
 )
 from hopopt.nlp.refinement.sharp.zeros import cut_at_zeros, free_at_zeros, keeps_zeros, sharp_states, zeros
 from hopopt.nlp.refinement.solving import Solving, believable
@@ -161,7 +161,7 @@ class Refinement:
             accurate = self._kept and not any_cut(cuts)
             if accurate and self.change <= self.aims.change:
                 return MET
-            if well_behind(self._measured, self.aims, self.change):
+            if outdone(self._measured, self.aims, self.change):
                 return BEHIND
             if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
                 return ""
@@ -175,7 +175,7 @@ class Refinement:
     def _tightening_at_the_end(self) -> str:
         """How it ends where limits are tightened on the settled mesh; "" with the last mesh."""
         for _ in range(self.aims.meshes):
-            if well_behind(self._measured, self.aims, self.change):
+            if outdone(self._measured, self.aims, self.change):
                 return BEHIND
             if stuck(self.history, self.aims.local_error, self.aims.excess if self.between else inf):
                 return NO_NEARER

@@ -32,7 +32,7 @@ LONGEST_INTERVAL = 0.01  # share of the phase: longer intervals may harbour one
 AT_ONCE, LATER = 4, 4  # where limits are tightened at the end: pieces of all that is cut; as EARLY_MESHES
 GROWTH = 1.5  # times the intervals of a mesh: how fine the next may be where not all cuts fit
 NEARLY = 10.0  # times the local error that is aimed at, below which a mesh's objective tells of its optimum
-WELL_BEHIND = 3e-3  # relative to the objective: more than the switches of a coarse mesh are smeared over
+SMEARED = 3e-3  # relative to the objective: more than the switches of a coarse mesh cost it
 YET_TO_COME = 10.0  # times the objective's change with the last mesh: more than all finer meshes change it
 LITTLE_ROOM = 0.1  # share of them: room for fewer is not worth a mesh
 Cuts = Mapping[
@@ -53,7 +53,7 @@ class Aims:
     restarts: so many times ``iterations`` may go, over all meshes, into solving again without the last one's
         multipliers; restarts that only a doubt asks for are counted, but never refused
     until: by when it ends, with the mesh it is at
-    known: objective, without its tie-break, of a hop that is verified [its unit]: what falls well behind it is left
+    known: objective, without its tie-break, of a hop that is verified [its unit]: what finer meshes cannot bring above it is left
     """
 
     local_error: float
@@ -101,15 +101,15 @@ class Measured:
         }
 
 
-def well_behind(m: Measured, aims: Aims, change: float) -> bool:
+def outdone(m: Measured, aims: Aims, change: float) -> bool:
     """Whether a mesh is so accurate, and a known hop so much better, that finer ones cannot gain more on it than the ``change`` that
     is aimed at. ``change``: relative, of the objective with the last mesh."""
     local = max(float(e.local.max()) for e in m.errors.values())
     if aims.known is None or local > NEARLY * aims.local_error:
         return False
     loss = m.solution.transcription.problem.objective.cost(m.solution.value - aims.known)
-    smeared = min(WELL_BEHIND, YET_TO_COME * change) * m.solution.magnitude
-    gained = smeared + m.cost - loss  # at most: the cost, as limits need no tightening on a finer mesh
+    lacking = min(SMEARED, YET_TO_COME * change) * m.solution.magnitude
+    gained = lacking + m.cost - loss  # at most: the cost, as limits need no tightening on a finer mesh
     return loss > 0 and gained < aims.change * m.solution.magnitude
 
 
@@ -240,7 +240,7 @@ def fitting(cuts: Cuts, urgency: Mapping[str, np.ndarray], most: int) -> Cuts | 
 def cut(solution: NlpSolution, phase: str, normalised_times: list[np.ndarray]) -> PhaseMesh:
     """Every interval of a phase cut at its normalised times (0 to 1); edges that are free at zeros are so no more."""
     trajectory, first = solution.phases[phase], np.concatenate([[0], np.cumsum(pieces_of(normalised_times))])
-    t = trajectory.edges / trajectory.duration
+    t = trajectory.normalised_edges
     edges = [t[k] + (t[k + 1] - t[k]) * np.concatenate([[0.0], p]) for k, p in enumerate(normalised_times)]
     old = solution.transcription.mesh[phase]
     free = () if old.zeros else tuple(int(first[k]) for k in old.free)

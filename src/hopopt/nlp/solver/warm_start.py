@@ -33,9 +33,8 @@ def carried(old: NlpSolution, t: Transcription) -> tuple[np.ndarray, np.ndarray]
         u = old.lam_x[before.u].reshape(*a.controls_of.shape, -1)
         lam_x[now.u] = _densities(a, layout, edges[name], u).ravel() if u.size else []
         x = old.lam_x[before.x].reshape(a.state_nodes, -1)
-        inner = _densities(a, layout, edges[name], x[1:].reshape(a.mesh.intervals, a.scheme.steps, -1)).reshape(
-            -1, x.shape[1]
-        )
+        inner = _densities(a, layout, edges[name], x[1:].reshape(a.mesh.intervals, a.scheme.steps, -1))
+        inner = inner.reshape(-1, x.shape[1])
         inner[-1] = x[-1]
         lam_x[now.x] = np.concatenate([x[:1], inner]).ravel()
     return lam_g, lam_x
@@ -52,9 +51,9 @@ def _same_rows(old: Transcription, t: Transcription) -> Iterator[tuple[Rows, Row
 def _edges(old: NlpSolution, phase: str, t: Transcription) -> np.ndarray:
     """Those of a phase's intervals as shares of it, (N + 1,): where free ones have come to, unless they begin again on the same
     mesh."""
-    mesh, trajectory = old.transcription.mesh[phase], old.phases[phase]
+    mesh = old.transcription.mesh[phase]
     moved = mesh.free and mesh != t.mesh[phase]
-    return trajectory.edges / trajectory.duration if moved else np.array(mesh.edges)
+    return old.phases[phase].normalised_edges if moved else np.array(mesh.edges)
 
 
 def _costates(a: PhaseLayout, b: PhaseLayout, edges: np.ndarray, lam: np.ndarray) -> np.ndarray:

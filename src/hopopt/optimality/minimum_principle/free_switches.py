@@ -167,7 +167,7 @@ def _free_times(solution: NlpSolution, phase: str) -> tuple[float, ...]:
 def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) -> Refinement | None:
     """The problem solved and refined on the mesh of ``timed``, all its edges fixed."""
     old = timed.transcription
-    mesh = {name: PhaseMesh(tuple((p.edges / p.duration).tolist())) for name, p in timed.phases.items()}
+    mesh = {name: PhaseMesh(tuple(p.normalised_edges.tolist())) for name, p in timed.phases.items()}
     t = Transcription(old.problem, old.scheme, mesh)
     guess, free = t.guess_from(timed.phases), t.free_from(timed.parameters)
     chosen = enforced_at_first(t)

@@ -79,7 +79,7 @@ def keeps_zeros(solution: NlpSolution) -> bool:
     for name, mesh in solution.transcription.mesh.items():
         if not mesh.zeros:
             continue
-        places, found = solution.phases[name].edges / solution.phases[name].duration, zeros(solution, name)
+        places, found = solution.phases[name].normalised_edges, zeros(solution, name)
         for k, component in _free_zeros(mesh):
             if not any(z.component == component and abs(z.place - places[k]) <= LINGERS * z.width for z in found):
                 return False
@@ -98,9 +98,8 @@ def keeping_signs(
     low, high, z = bounds.low_z.copy(), bounds.high_z.copy(), t.pack(guess)
     for name, layout in t.layouts.items():
         sharp = layout.phase.columns(layout.phase.states, "sharp")
-        scale = t.scale[t.variables[name].x].reshape(layout.state_nodes, -1)[
-            0
-        ]  # not the phase's, where its numbers are another leg's
+        # not the phase's, where its numbers are another leg's
+        scale = t.scale[t.variables[name].x].reshape(layout.state_nodes, -1)[0]
         low_x, high_x, x = (side[t.variables[name].x].reshape(layout.state_nodes, -1) for side in (low, high, z))
         for component in np.flatnonzero(sharp):
             edges = [k * t.scheme.steps for k, c in _free_zeros(layout.mesh) if c == component]
@@ -109,7 +108,7 @@ def keeping_signs(
             up, down = (kept & (side * x[:, component] > 0) for side in (1, -1))
             low_x[up, component] = np.maximum(low_x[up, component], 0.0)
             high_x[down, component] = np.minimum(high_x[down, component], 0.0)
-        for k, component in [] if same is None else _free_zeros(same[name]):
+        for k, component in _free_zeros(same[name]) if same else ():
             low_x[k * t.scheme.steps, component] = high_x[k * t.scheme.steps, component] = 0.0
     return replace(bounds, low_z=low, high_z=high)
 
@@ -146,7 +145,7 @@ def cut_at_zeros(p: PhaseTrajectory, normalised_times: list[np.ndarray], passed:
     """The normalised times at which each interval of a phase is to be cut, with those that its zeros ask for."""
     if not passed:
         return normalised_times
-    edges = p.edges / p.duration
+    edges = p.normalised_edges
     cuts = np.concatenate([a + (b - a) * s for (a, b), s in zip(pairwise(edges), normalised_times, strict=True)])
     for zero in passed:
         for offset, length in _beside(zero.width):
